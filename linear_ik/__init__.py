@@ -1,0 +1,1 @@
+"""As-built shape of linear building elements from laser scans."""

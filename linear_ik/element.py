@@ -1,0 +1,190 @@
+"""Element: what was designed, before anybody scanned it."""
+
+from __future__ import annotations
+
+import math
+from collections.abc import Sequence
+from dataclasses import dataclass, field
+from functools import cached_property
+from typing import Literal, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.errors import ElementError
+from linear_ik.profile import Profile
+
+Array = npt.NDArray[np.float64]
+Start = Literal["fixed", "pinned", "roller", "free"]
+End = Literal["free", "roller", "pinned", "fixed"]
+
+MOST_SEGMENTS = 500
+LONGEST_M = 1e5
+FARTHEST_M = 1e8
+
+
+@dataclass(frozen=True)
+class Placement:
+    """Where the element was designed to stand (IfcAxis2Placement3D).
+
+    Attributes:
+        location: start node, metres, in the scan's coordinates.
+        axis: from start to end, the element's local Z; any length above 0.
+        ref_direction: local X, made orthogonal to ``axis``. When None, IFC's default:
+            the scan's X, or its Y where the axis runs along X.
+    """
+
+    location: tuple[float, float, float] = (0.0, 0.0, 0.0)
+    axis: tuple[float, float, float] = (0.0, 0.0, 1.0)
+    ref_direction: tuple[float, float, float] | None = None
+
+    def __post_init__(self) -> None:
+        """Check the vectors.
+
+        Raises:
+            ElementError: not three finite numbers, a zero axis, parallel directions.
+        """
+        object.__setattr__(self, "location", _vector("placement.location", self.location, FARTHEST_M))
+        object.__setattr__(self, "axis", _vector("placement.axis", self.axis))
+        if self.ref_direction is not None:
+            object.__setattr__(self, "ref_direction", _vector("placement.ref_direction", self.ref_direction))
+        if not _norm(self.axis) > 1e-9:
+            raise ElementError("placement.axis", f"{list(self.axis)} has no length", "a direction")
+        if self.ref_direction is not None:
+            if not _norm(self.ref_direction) > 1e-9:
+                raise ElementError("placement.ref_direction", f"{list(self.ref_direction)} has no length", "a direction")
+            sine = np.linalg.norm(np.cross(self.axis, self.ref_direction)) / _norm(self.axis) / _norm(self.ref_direction)
+            if sine < 1e-6:
+                raise ElementError(
+                    "placement.ref_direction", f"{list(self.ref_direction)} is parallel to axis", "a direction across it"
+                )
+
+    @cached_property
+    def T_world_element(self) -> Array:  # noqa: N802 (T_target_source, as small_gicp names transforms)
+        """The element's frame [4][4] in the scan's coordinates."""
+        z = np.array(self.axis) / _norm(self.axis)
+        if self.ref_direction is not None:
+            ref = np.array(self.ref_direction)
+        else:
+            ref = np.array([1.0, 0.0, 0.0] if np.hypot(z[1], z[2]) > 1e-6 else [0.0, 1.0, 0.0])
+        x = ref - (ref @ z) * z
+        x /= np.linalg.norm(x)
+        T = np.eye(4)
+        T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = x, np.cross(z, x), z, self.location
+        return T
+
+
+@dataclass(frozen=True)
+class PlacementTolerance:
+    """How far a free start may have moved from the placement, each way on each axis.
+
+    Attributes:
+        translation_m: along each axis of the element.
+        rotation_deg: about each axis of the element.
+    """
+
+    translation_m: float = 0.05
+    rotation_deg: float = 2.0
+
+    def __post_init__(self) -> None:
+        """Check both bounds; raise ElementError naming the wrong one."""
+        for name, largest in (("translation_m", 10.0), ("rotation_deg", 180.0)):
+            value = check_number(f"placement_tolerance.{name}", getattr(self, name), 0.0, largest)
+            object.__setattr__(self, name, value)
+
+
+@dataclass(frozen=True)
+class Element:
+    """A designed linear element: an extruded profile along a straight axis.
+
+    Attributes:
+        name: used in files and messages.
+        profile: the section, in the element's local X and Y.
+        length_m: along the axis.
+        segments: rigid links the length is divided into.
+        placement: the design position.
+        start: support at the first node.
+        end: support at the last node.
+        joint_limit_deg: largest angle of each joint about its x, y and z, or one for all.
+        placement_tolerance: what ``start: free`` and the slide of ``start: roller`` allow.
+        end_tolerance_m: how exactly a held end keeps its place (1 sigma).
+        density_kg_m3: for the inertia in the URDF; steel when not given.
+
+    Raises:
+        ElementError: a value out of its range, named.
+    """
+
+    name: str
+    profile: Profile
+    length_m: float
+    segments: int = 10
+    placement: Placement = field(default_factory=Placement)
+    start: Start = "fixed"
+    end: End = "free"
+    joint_limit_deg: float | Sequence[float] = 45.0
+    placement_tolerance: PlacementTolerance = field(default_factory=PlacementTolerance)
+    end_tolerance_m: float = 0.005
+    density_kg_m3: float = 7850.0
+
+    def __post_init__(self) -> None:
+        """Check every field and normalise the numbers."""
+        if not isinstance(self.name, str) or not self.name.strip():
+            raise ElementError("name", f"{self.name!r}", "a name of at least one character")
+        if len(self.name) > 200 or any(ord(c) < 32 for c in self.name):
+            raise ElementError("name", "too long, or with control characters", "up to 200 printable characters")
+        if not isinstance(self.profile, Profile):
+            raise ElementError("profile", f"{self.profile!r}", "a profile, such as Rectangle(0.1, 0.3)")
+        if isinstance(self.segments, bool) or not isinstance(self.segments, (int, np.integer)):
+            raise ElementError("segments", f"{self.segments!r}", f"a whole number, 1 to {MOST_SEGMENTS}")
+        if not 1 <= self.segments <= MOST_SEGMENTS:
+            raise ElementError("segments", f"{self.segments}", f"1 to {MOST_SEGMENTS}")
+        if self.start not in get_args(Start):
+            raise ElementError("start", f"{self.start!r}", "one of " + ", ".join(get_args(Start)))
+        if self.end not in get_args(End):
+            raise ElementError("end", f"{self.end!r}", "one of " + ", ".join(get_args(End)))
+        limits = self.joint_limit_deg
+        several = isinstance(limits, (list, tuple, np.ndarray))
+        if several and len(limits) != 3:  # type: ignore[arg-type]
+            raise ElementError("joint_limit_deg", f"{list(limits)}", "one number, or three: [x, y, z]")  # type: ignore[arg-type]
+        values = tuple(
+            check_number("joint_limit_deg", v, 0.0, 180.0, open_low=True)
+            for v in (limits if several else [limits] * 3)  # type: ignore[union-attr]
+        )
+        object.__setattr__(self, "segments", int(self.segments))
+        object.__setattr__(self, "joint_limit_deg", values)
+        for name, low, high in (("length_m", 0.0, LONGEST_M), ("end_tolerance_m", 0.0, 1.0), ("density_kg_m3", 0.0, 1e5)):
+            object.__setattr__(self, name, check_number(name, getattr(self, name), low, high, open_low=True))
+        if self.segment_length_m < 1e-4:
+            raise ElementError("segments", f"{self.segments} of {self.segment_length_m:g} m", "segments of 0.1 mm or more")
+
+    @property
+    def segment_length_m(self) -> float:
+        """Length of each segment."""
+        return self.length_m / self.segments
+
+    @property
+    def joint_limit_rad(self) -> Array:
+        """[3] largest angle about x, y and z."""
+        return np.radians(np.asarray(self.joint_limit_deg, dtype=np.float64))
+
+
+def check_number(name: str, value: object, low: float, high: float, open_low: bool = False) -> float:
+    """Return ``value`` as a float within its range, or raise ElementError naming it."""
+    expected = f"a number {'above' if open_low else 'from'} {low:g} {'and up ' if open_low else ''}to {high:g}"
+    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
+        raise ElementError(name, f"{value!r} is not a number", expected)
+    number = float(value)
+    if not math.isfinite(number) or not low <= number <= high or (open_low and number == low):
+        raise ElementError(name, f"{number:g}", expected)
+    return number
+
+
+def _vector(name: str, value: object, largest: float = 1e12) -> tuple[float, float, float]:
+    if not isinstance(value, (list, tuple, np.ndarray)) or len(value) != 3:
+        raise ElementError(name, f"{value!r}", "three numbers [x, y, z]")
+    x, y, z = (check_number(name, v, -largest, largest) for v in value)
+    return x, y, z
+
+
+def _norm(vector: Sequence[float]) -> float:
+    return math.sqrt(sum(v * v for v in vector))
