@@ -1,0 +1,112 @@
+"""FitResult: the as-built member, and what is known about how right it is."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, field
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.element import Element
+from linear_ik.settings import FitSettings
+
+Array = npt.NDArray[np.float64]
+Status = Literal["converged", "uncertain", "max_iterations", "not_scanned"]
+SegmentStatus = Literal["measured", "inferred", "not_scanned"]
+
+
+@dataclass(frozen=True)
+class SegmentResult:
+    """What the scan says of one segment.
+
+    Attributes:
+        status: measured (points fix it), inferred (neighbours and priors fix it), or
+            not_scanned (no point on it).
+        points: scan points matched to it.
+        coverage: share of its outer surface with a matched point within 2 % of the
+            element's length, 0 to 1.
+        surface_rmse_m: matched scan points to its surface; NaN without points.
+    """
+
+    status: SegmentStatus
+    points: int
+    coverage: float
+    surface_rmse_m: float
+
+
+@dataclass(frozen=True, eq=False)
+class IterationRecord:
+    """The state after one iteration; also what `on_iteration` is called with.
+
+    Attributes:
+        iteration: counted from 1 over the whole fit.
+        phase: what the iteration belonged to: coarse, search, repair, full.
+        points: scan points matched.
+        surface_rmse_m: weighted rms distance of the matched points to the model.
+        scale_m: distance at which a match loses most of its weight; inf when unweighted.
+        damping: damping of the step, relative to the mean information of a variable.
+        step_rad: largest joint change of the step.
+        q: Pinocchio's configuration [3N], (z, y, x) a segment.
+        base_pose: T_world_base [4][4].
+    """
+
+    iteration: int
+    phase: str
+    points: int
+    surface_rmse_m: float
+    scale_m: float
+    damping: float
+    step_rad: float
+    q: Array
+    base_pose: Array
+
+
+@dataclass(frozen=True, eq=False)
+class FitResult:
+    """An element as it was found in a scan. All coordinates are the scan's.
+
+    Attributes:
+        element: the design that was fitted.
+        status: converged | uncertain | max_iterations | not_scanned. A fit that may be
+            wrong never says converged.
+        reasons: plain sentences saying why the status is not converged, or what else
+            the reader should know.
+        nodes_m: [N+1][3] the chain's nodes, from start to end.
+        nodes_covariance_m2: [N+1][3][3], 1 sigma.
+        q: [3N] Pinocchio's configuration: (z, y, x) a segment.
+        joint_angles_rad: [N][3] in x, y, z order.
+        joint_limits_rad: [N][3][2] lower and upper, same order.
+        base_pose: [4][4] T_world_base.
+        rmse_m: the paper's figure: rms distance from the scan's points to the nearest
+            of a cloud sampled on the fitted model. Mostly the sampling distance.
+        surface_rmse_m: rms distance of the matched scan points to the model's surface.
+        range_noise_m: standard deviation of the matched points about the surface,
+            as estimated by the fit and used for the covariance.
+        segments: one SegmentResult a segment.
+        history: one IterationRecord an iteration.
+        settings: the settings used.
+        timings_s: wall time of each stage, and their sum as "total".
+    """
+
+    element: Element
+    status: Status
+    reasons: tuple[str, ...]
+    nodes_m: Array
+    nodes_covariance_m2: Array
+    q: Array
+    joint_angles_rad: Array
+    joint_limits_rad: Array
+    base_pose: Array
+    rmse_m: float
+    surface_rmse_m: float
+    range_noise_m: float
+    segments: tuple[SegmentResult, ...]
+    history: tuple[IterationRecord, ...]
+    settings: FitSettings
+    timings_s: dict[str, float] = field(default_factory=dict)
+
+    @property
+    def iterations(self) -> int:
+        """Number of iterations run, over all phases."""
+        return len(self.history)
