@@ -1,0 +1,144 @@
+"""Element + urdf_templates -> URDF: the chain as any robotics tool reads it."""
+
+from __future__ import annotations
+
+import hashlib
+import os
+import re
+from functools import lru_cache
+from pathlib import Path
+from typing import TYPE_CHECKING
+
+from linear_ik.element import Element
+from linear_ik.errors import OutputError
+from linear_ik.exports.atomic import check_writable, write_atomically
+from linear_ik.profile import Circle, Profile, Rectangle
+from linear_ik.section import body_inertia, extruded_mesh
+
+if TYPE_CHECKING:
+    import jinja2
+
+TEMPLATE = "element.urdf.j2"
+# No motor drives these joints: bounds that no tool's simulation runs into, yet finite as URDF wants them.
+EFFORT_NM = 1e6
+VELOCITY_RAD_S = 10.0
+RGBA = (0.60, 0.64, 0.70, 1.0)
+
+
+def generate_urdf(element: Element, mesh_folder: str | None = None) -> str:
+    """Return the URDF of an element's chain, in the element's own frame.
+
+    Links: ``base``, ``segment_01`` ... , ``end``, and two massless links a segment.
+    Joints: ``segment_01_z``, ``segment_01_y``, ``segment_01_x``, ``segment_02_z``, ... all
+    coincident at the segment's start node, so that its orientation is R = Rz Ry Rx and
+    Pinocchio's q is (z, y, x) a segment. The numbers have as many digits as the count
+    needs, two at least. Lengths in metres, angles in radians, every number exact.
+
+    Args:
+        element: what was designed; its placement stays outside.
+        mesh_folder: folder of the mesh, as the URDF should name it. Only rectangles and
+            circles do without; the others have no visual and no collision geometry when
+            it is None. `write_urdf` writes the mesh as well.
+
+    Returns:
+        XML text without a declaration, which is UTF-8 by definition.
+    """
+    width = max(2, len(str(element.segments)))
+    limit_x, limit_y, limit_z = (float(v) for v in element.joint_limit_rad)
+    return _template().render(
+        name=_printable(element.name),
+        segments=[f"segment_{k:0{width}d}" for k in range(1, element.segments + 1)],
+        length_m=element.segment_length_m,
+        limit_rad={"x": limit_x, "y": limit_y, "z": limit_z},
+        effort_nm=EFFORT_NM,
+        velocity_rad_s=VELOCITY_RAD_S,
+        body=body_inertia(element.profile, element.segment_length_m, element.density_kg_m3),
+        geometry=_geometry(element, mesh_folder),
+        rgba=RGBA,
+    )
+
+
+def write_urdf(element: Element, path: str | os.PathLike[str]) -> list[Path]:
+    """Write an element's URDF, and the mesh of a section that is no box or cylinder.
+
+    The mesh, one for all segments, goes to ``<name>_meshes/`` beside the URDF, which
+    names it relative to itself. Its file name is a digest of the section and length, so
+    that elements of one name in one folder keep their own.
+
+    Args:
+        element: what was designed.
+        path: of the URDF; missing folders are made.
+
+    Returns:
+        The paths written, the URDF first.
+
+    Raises:
+        OutputError: a path that cannot be written to.
+    """
+    target = check_writable(path)
+    if needs_mesh(element.profile):
+        folder = f"{file_stem(element.name)}_meshes"
+        mesh_path = target.parent / folder / mesh_name(element)
+        content = extruded_mesh(element.profile, element.segment_length_m).export(file_type="stl")
+        # The mesh first: a URDF never names a file that is not there.
+        write_atomically(mesh_path, content)
+        return [write_atomically(target, generate_urdf(element, folder)), mesh_path]
+    return [write_atomically(target, generate_urdf(element))]
+
+
+def needs_mesh(profile: Profile) -> bool:
+    """Say whether URDF has no primitive of this section."""
+    return not isinstance(profile, (Rectangle, Circle))
+
+
+def mesh_name(element: Element) -> str:
+    """Return the file name of the mesh that all segments of an element share."""
+    shape = f"{element.profile!r} {element.segment_length_m!r}"
+    return f"{element.profile.type}_{hashlib.sha256(shape.encode()).hexdigest()[:8]}.stl"
+
+
+def file_stem(name: str) -> str:
+    """Return a name that is safe in any file system and in a URDF's mesh path."""
+    return re.sub(r"[^A-Za-z0-9_-]+", "_", name).strip("_")[:80] or "element"
+
+
+def template_folder() -> Path:
+    """Return the folder of the URDF templates.
+
+    Raises:
+        OutputError: a broken installation.
+    """
+    package = Path(__file__).resolve().parent
+    for folder in (package / "urdf_templates", package.parent / "urdf_templates"):
+        if (folder / TEMPLATE).is_file():
+            return folder
+    raise OutputError(package / "urdf_templates", "is missing", "linear_ik installed with its urdf_templates")
+
+
+def _geometry(element: Element, mesh_folder: str | None) -> dict[str, object]:
+    profile = element.profile
+    if isinstance(profile, Rectangle):
+        return {"kind": "box", "size_m": (profile.x_dim, profile.y_dim)}
+    if isinstance(profile, Circle):
+        return {"kind": "cylinder", "radius_m": profile.radius}
+    if mesh_folder is None:
+        return {"kind": "none"}
+    folder = mesh_folder.rstrip("/")
+    return {"kind": "mesh", "file": f"{folder}/{mesh_name(element)}" if folder else mesh_name(element)}
+
+
+@lru_cache(maxsize=1)
+def _template() -> jinja2.Template:
+    import jinja2
+
+    environment = jinja2.Environment(
+        loader=jinja2.FileSystemLoader(template_folder()), undefined=jinja2.StrictUndefined, autoescape=True
+    )
+    # repr is the shortest text that reads back as the same double.
+    environment.filters["exact"] = lambda value: repr(float(value))
+    return environment.get_template(TEMPLATE)
+
+
+def _printable(name: str) -> str:
+    """Replace the characters that XML 1.0 cannot hold (its production 2)."""
+    return re.sub("[^\t\n\r\x20-\ud7ff\ue000-\ufffd\U00010000-\U0010ffff]", "\ufffd", name)
