@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import reprlib
 from collections.abc import Sequence
 from dataclasses import dataclass, field
 from functools import cached_property
@@ -12,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.errors import ElementError
+from linear_ik.outline import as_float
 from linear_ik.profile import Profile
 
 Array = npt.NDArray[np.float64]
@@ -52,11 +54,17 @@ class Placement:
             raise ElementError("placement.axis", f"{list(self.axis)} has no length", "a direction")
         if self.ref_direction is not None:
             if not _norm(self.ref_direction) > 1e-9:
-                raise ElementError("placement.ref_direction", f"{list(self.ref_direction)} has no length", "a direction")
-            sine = np.linalg.norm(np.cross(self.axis, self.ref_direction)) / _norm(self.axis) / _norm(self.ref_direction)
+                raise ElementError(
+                    "placement.ref_direction", f"{list(self.ref_direction)} has no length", "a direction"
+                )
+            sine = (
+                np.linalg.norm(np.cross(self.axis, self.ref_direction)) / _norm(self.axis) / _norm(self.ref_direction)
+            )
             if sine < 1e-6:
                 raise ElementError(
-                    "placement.ref_direction", f"{list(self.ref_direction)} is parallel to axis", "a direction across it"
+                    "placement.ref_direction",
+                    f"{list(self.ref_direction)} is parallel to axis",
+                    "a direction across it",
                 )
 
     @cached_property
@@ -67,8 +75,11 @@ class Placement:
             ref = np.array(self.ref_direction)
         else:
             ref = np.array([1.0, 0.0, 0.0] if np.hypot(z[1], z[2]) > 1e-6 else [0.0, 1.0, 0.0])
-        x = ref - (ref @ z) * z
-        x /= np.linalg.norm(x)
+        x = ref / np.linalg.norm(ref)
+        # Twice: the first pass leaves rounding errors that a nearly parallel reference magnifies.
+        for _ in range(2):
+            x = x - (x @ z) * z
+            x /= np.linalg.norm(x)
         T = np.eye(4)
         T[:3, 0], T[:3, 1], T[:3, 2], T[:3, 3] = x, np.cross(z, x), z, self.location
         return T
@@ -137,7 +148,7 @@ class Element:
         if isinstance(self.segments, bool) or not isinstance(self.segments, (int, np.integer)):
             raise ElementError("segments", f"{self.segments!r}", f"a whole number, 1 to {MOST_SEGMENTS}")
         if not 1 <= self.segments <= MOST_SEGMENTS:
-            raise ElementError("segments", f"{self.segments}", f"1 to {MOST_SEGMENTS}")
+            raise ElementError("segments", reprlib.repr(self.segments), f"1 to {MOST_SEGMENTS}")
         if self.start not in get_args(Start):
             raise ElementError("start", f"{self.start!r}", "one of " + ", ".join(get_args(Start)))
         if self.end not in get_args(End):
@@ -152,10 +163,16 @@ class Element:
         )
         object.__setattr__(self, "segments", int(self.segments))
         object.__setattr__(self, "joint_limit_deg", values)
-        for name, low, high in (("length_m", 0.0, LONGEST_M), ("end_tolerance_m", 0.0, 1.0), ("density_kg_m3", 0.0, 1e5)):
+        for name, low, high in (
+            ("length_m", 0.0, LONGEST_M),
+            ("end_tolerance_m", 0.0, 1.0),
+            ("density_kg_m3", 0.0, 1e5),
+        ):
             object.__setattr__(self, name, check_number(name, getattr(self, name), low, high, open_low=True))
         if self.segment_length_m < 1e-4:
-            raise ElementError("segments", f"{self.segments} of {self.segment_length_m:g} m", "segments of 0.1 mm or more")
+            raise ElementError(
+                "segments", f"{self.segments} of {self.segment_length_m:g} m", "segments of 0.1 mm or more"
+            )
 
     @property
     def segment_length_m(self) -> float:
@@ -171,10 +188,8 @@ class Element:
 def check_number(name: str, value: object, low: float, high: float, open_low: bool = False) -> float:
     """Return ``value`` as a float within its range, or raise ElementError naming it."""
     expected = f"a number {'above' if open_low else 'from'} {low:g} {'and up ' if open_low else ''}to {high:g}"
-    if isinstance(value, bool) or not isinstance(value, (int, float, np.floating, np.integer)):
-        raise ElementError(name, f"{value!r} is not a number", expected)
-    number = float(value)
-    if not math.isfinite(number) or not low <= number <= high or (open_low and number == low):
+    number = as_float(name, value, expected)
+    if not low <= number <= high or (open_low and number == low):
         raise ElementError(name, f"{number:g}", expected)
     return number
 

@@ -79,7 +79,9 @@ def write_urdf(element: Element, path: str | os.PathLike[str]) -> list[Path]:
     if needs_mesh(element.profile):
         folder = f"{file_stem(element.name)}_meshes"
         mesh_path = target.parent / folder / mesh_name(element)
-        content = extruded_mesh(element.profile, element.segment_length_m).export(file_type="stl")
+        from trimesh.exchange.stl import export_stl
+
+        content = export_stl(extruded_mesh(element.profile, element.segment_length_m))
         # The mesh first: a URDF never names a file that is not there.
         write_atomically(mesh_path, content)
         return [write_atomically(target, generate_urdf(element, folder)), mesh_path]
