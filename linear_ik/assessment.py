@@ -1,0 +1,152 @@
+"""Assessment: what the scan says of each segment, and whether the fit can be believed."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import BASE, Pose
+from linear_ik.correspondence import Correspondences
+from linear_ik.problem import Problem
+from linear_ik.result import SegmentResult, SegmentStatus, Status
+from linear_ik.surface import Surface
+
+Array = npt.NDArray[np.float64]
+
+COVERAGE_RADIUS = 0.02
+LEAST_POINTS = 6
+LEAST_COVERAGE = 0.05
+LEAST_SCANNED = 0.1
+MOST_SPREAD_M = 0.010
+
+
+def assess_segments(problem: Problem, pose: Pose, pairs: Correspondences, weights: Array) -> tuple[SegmentResult, ...]:
+    """Return status, points, coverage and residual of each segment."""
+    used = weights > 0
+    segment = pairs.segment
+    count = np.bincount(segment[used], minlength=pose.n_segments)
+    total = np.bincount(segment, weights=weights, minlength=pose.n_segments)
+    squares = np.bincount(segment, weights=weights * pairs.residual_m**2, minlength=pose.n_segments)
+    covered = coverage(problem, pose, pairs, used)
+    seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE)
+    last = int(np.flatnonzero(seen)[-1]) if seen.any() else -1
+    out = []
+    for k in range(pose.n_segments):
+        status: SegmentStatus = "measured" if seen[k] else ("inferred" if k < last else "not_scanned")
+        rmse = float(np.sqrt(squares[k] / total[k])) if total[k] > 0 else float("nan")
+        out.append(SegmentResult(status, int(count[k]), float(covered[k]), rmse))
+    return tuple(out)
+
+
+def coverage(problem: Problem, pose: Pose, pairs: Correspondences, used: npt.NDArray[np.bool_]) -> Array:
+    """Return the share [N] of each segment's surface near a matched point.
+
+    Near is within 2 % of the element's length (design contract).
+    """
+    from scipy.spatial import cKDTree
+
+    if not used.any():
+        return np.zeros(pose.n_segments)
+    radius = COVERAGE_RADIUS * problem.element.length_m
+    local = pairs.local[used].copy()
+    segment = pairs.segment[used]
+    samples = surface_samples(problem.surface, problem.element.segment_length_m, radius / 2)
+    # Segments are laid far apart, so that one tree serves them all.
+    apart = 10.0 * (problem.element.length_m + problem.surface.reach_m)
+    local[:, 0] += apart * segment
+    tree = cKDTree(local, balanced_tree=False, compact_nodes=False)
+    at = np.tile(samples, (pose.n_segments, 1))
+    at[:, 0] += apart * np.repeat(np.arange(pose.n_segments), len(samples))
+    distance, _ = tree.query(at, distance_upper_bound=radius)
+    return np.asarray(np.isfinite(distance).reshape(pose.n_segments, -1).mean(axis=1))
+
+
+def surface_samples(surface: Surface, length_m: float, spacing_m: float) -> Array:
+    """Return points [S][3] spread evenly over a segment's faces, at most some 500."""
+    around = int(np.clip(np.ceil(surface.perimeter_m / spacing_m), 8, 40))
+    along = int(np.clip(np.ceil(length_m / spacing_m), 2, 12))
+    at = (np.arange(around) + 0.5) / around * surface.widths_m.sum()
+    ends = np.cumsum(surface.widths_m)
+    edge = np.searchsorted(ends, at)
+    xy = surface.corners[edge] + (at - ends[edge] + surface.widths_m[edge])[:, None] * surface.tangents[edge]
+    z = (np.arange(along) + 0.5) / along * length_m
+    return np.column_stack([np.repeat(xy, along, axis=0), np.tile(z, around)])
+
+
+def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: npt.NDArray[np.bool_], seed: int) -> float:
+    """Return the paper's RMSE: scan points to the nearest of a cloud sampled on the model.
+
+    The model's cloud has as many points as were matched (at most 10,000), so the figure
+    is mostly their spacing, as in the paper.
+    """
+    from scipy.spatial import cKDTree
+
+    rng = np.random.default_rng(seed)
+    rows = np.flatnonzero(used)
+    if not len(rows):
+        return float("nan")
+    count = min(len(rows), 10_000)
+    surface, n = problem.surface, pose.n_segments
+    edge = rng.choice(len(surface.widths_m), count, p=surface.widths_m / surface.widths_m.sum())
+    xy = surface.corners[edge] + (rng.random(count) * surface.widths_m[edge])[:, None] * surface.tangents[edge]
+    segment = rng.integers(n, size=count)
+    model = np.column_stack([xy, rng.random(count) * problem.element.segment_length_m])
+    model = np.einsum("pij,pj->pi", pose.rotations[segment], model) + pose.nodes_m[segment]
+    some = rows if len(rows) <= 2000 else rng.choice(rows, 2000, replace=False)
+    of = pairs.segment[some]
+    points = np.einsum("pij,pj->pi", pose.rotations[of], pairs.local[some]) + pose.nodes_m[of]
+    distance, _ = cKDTree(model, balanced_tree=False, compact_nodes=False).query(points)
+    return float(np.sqrt(np.mean(distance**2)))
+
+
+def judge(
+    problem: Problem, x: Array, segments: tuple[SegmentResult, ...], node_sd_m: Array, noise_m: float, converged: bool
+) -> tuple[Status, tuple[str, ...]]:
+    """Return the status of the fit and the sentences that explain it.
+
+    Args:
+        problem: what was fitted.
+        x: [6 + 3N] where it ended.
+        segments: their assessment.
+        node_sd_m: [N+1] largest standard deviation of each node, in any direction across
+            the axis.
+        noise_m: standard deviation of the matched points.
+        converged: whether the last stage stopped by itself.
+    """
+    n = len(segments)
+    measured = [s.status == "measured" for s in segments]
+    if sum(measured) < max(1.0, LEAST_SCANNED * n):
+        found = sum(s.points for s in segments)
+        return "not_scanned", (f"the element is not in the scan: {found} points near it, on {sum(measured)} of {n} segments",)
+    reasons = []
+    for status, words in (("not_scanned", "not scanned"), ("inferred", "inferred from their neighbours only")):
+        which = [k + 1 for k, s in enumerate(segments) if s.status == status]
+        if which:
+            reasons.append(f"{_segments(which)} {words}")
+    smallest = float(np.ptp(problem.surface.corners, axis=0).min())
+    if noise_m > max(0.006, 0.02 * smallest):
+        reasons.append(f"matched points scatter {noise_m * 1e3:.1f} mm about the surface: another section, or clutter, is likely")
+    lower, upper = problem.chain.lower, problem.chain.upper
+    at_limit = ((x <= lower) | (x >= upper)) & (upper > lower)
+    joints = sorted({int((i - BASE) // 3) + 1 for i in np.flatnonzero(at_limit) if i >= BASE})
+    if joints:
+        reasons.append(f"joint limits active at {_segments(joints)}: the element bends more than it may")
+    if at_limit[:BASE].any():
+        reasons.append("the start has moved as far as placement_tolerance allows")
+    if node_sd_m.max() > MOST_SPREAD_M:
+        worst = int(node_sd_m.argmax())
+        reasons.append(f"the visible faces do not show all bending: node {worst} is known to {node_sd_m[worst] * 2e3:.0f} mm only (95 %)")
+    if not converged:
+        return "max_iterations", ("the iterations ran out before the fit settled", *reasons)
+    return ("uncertain" if reasons else "converged"), tuple(reasons)
+
+
+def _segments(which: list[int]) -> str:
+    runs: list[list[int]] = []
+    for k in which:
+        if runs and k == runs[-1][-1] + 1:
+            runs[-1].append(k)
+        else:
+            runs.append([k])
+    words = ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in runs)
+    return f"segment{'' if len(which) == 1 else 's'} {words}"

@@ -1,0 +1,173 @@
+"""Descent: the loop of the paper's figure 2, for every stage of a fit.
+
+Match each point to a face, weigh the matches, add up the terms, solve the box-constrained
+step, move. Stages differ in their points, their weights and the variables that may move.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from dataclasses import dataclass, field
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import BASE, Pose
+from linear_ik.correspondence import Correspondences
+from linear_ik.ik_step import Solver
+from linear_ik.problem import Problem
+from linear_ik.result import IterationRecord
+from linear_ik.settings import FitSettings
+from linear_ik.terms.continuity import continuity
+from linear_ik.terms.damping import Damping, damping
+from linear_ik.terms.directional_constraint import directional_constraint
+from linear_ik.terms.objective import Objective
+from linear_ik.terms.point_residual import point_residual
+from linear_ik.terms.prior import prior
+from linear_ik.terms.support import end_support
+
+Array = npt.NDArray[np.float64]
+
+
+@dataclass(frozen=True, eq=False)
+class Stage:
+    """One run of the loop.
+
+    Attributes:
+        phase: name in the history.
+        points: [P][3] points to fit, element's frame.
+        scales_m: robust scale of each iteration, the last one repeated; inf for
+            unweighted.
+        noise_m: standard deviation of a point, which the priors are weighed against.
+        iterations: most iterations.
+        stop_m: converged when no node moves farther.
+        segments: fit only the first so many segments.
+        variables: [n] the variables that move; all movable ones when None.
+    """
+
+    phase: str
+    points: Array
+    scales_m: tuple[float, ...] = (np.inf,)
+    noise_m: float = 1e-3
+    iterations: int = 30
+    stop_m: float = 1e-5
+    segments: int | None = None
+    variables: npt.NDArray[np.intp] | None = None
+
+
+@dataclass(eq=False)
+class Log:
+    """History of a fit over all its stages, and who wants to hear of it."""
+
+    on_iteration: Callable[[IterationRecord], object] | None = None
+    T_world_element: Array = field(default_factory=lambda: np.eye(4))
+    records: list[IterationRecord] = field(default_factory=list)
+
+
+@dataclass(frozen=True, eq=False)
+class Descended:
+    """Where a stage ended.
+
+    Attributes:
+        x: [6 + 3N] the variables, within their box.
+        pose: the chain there.
+        pairs: the last matches, made one step before ``x``.
+        weights: [P] their weights.
+        converged: whether it stopped by itself.
+    """
+
+    x: Array
+    pose: Pose
+    pairs: Correspondences
+    weights: Array
+    converged: bool
+
+
+def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, solver: Solver, log: Log) -> Descended:
+    """Run one stage from ``x`` [6 + 3N] until it converges or has used its iterations."""
+    chain = problem.chain
+    moving = problem.variables if stage.variables is None else stage.variables
+    lower, upper = chain.lower[moving], chain.upper[moving]
+    lam = Damping(settings.damping)
+    pose, cost, converged = chain.pose(x), np.inf, False
+    for i in range(stage.iterations):
+        scale_m = stage.scales_m[min(i, len(stage.scales_m) - 1)]
+        pairs = problem.matcher.match(pose, stage.points, stage.segments)
+        weights = robust_weights(pairs.distance_m, scale_m)
+        objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings)
+        objective = Objective(objective.H[np.ix_(moving, moving)], objective.c[moving])
+        objective += damping(len(moving), lam.weight * objective.mean_information() + 1e-12)
+
+        dx = solver(
+            objective,
+            np.maximum(lower - x[moving], -settings.max_step_rad),
+            np.minimum(upper - x[moving], settings.max_step_rad),
+        )
+        x = x.copy()
+        x[moving] += dx
+        x = chain.clip(x)
+
+        before, pose = pose, chain.pose(x)
+        previous, cost = cost, float(weights @ pairs.residual_m**2)
+        lam = lam.after(cost <= previous)
+        _record(log, stage, pairs, weights, scale_m, lam.weight, float(np.abs(dx).max()), x, problem)
+        moved_m = float(np.abs(pose.nodes_m - before.nodes_m).max())
+        if moved_m < stage.stop_m and i + 1 >= len(stage.scales_m):
+            converged = True
+            break
+    return Descended(x, pose, pairs, weights, converged)
+
+
+def step_objective(
+    problem: Problem, x: Array, pose: Pose, pairs: Correspondences, weights: Array, noise_m: float, settings: FitSettings
+) -> Objective:
+    """Return the sum of all terms but the damping, over all variables [6 + 3N]."""
+    objective = point_residual(pose, pairs, weights)
+    information = objective.mean_information()
+    objective += prior(x, np.zeros(len(x)), (noise_m / problem.prior_sd) ** 2)
+    held = end_support(problem.element, pose, noise_m**2)
+    if held is not None and pose.n_segments == len(pairs.starts) - 1:
+        objective += held
+    if settings.continuity:
+        objective += continuity(x, settings.continuity * information)
+    if settings.directional:
+        objective += directional_constraint(x, settings.directional * information)
+    return objective
+
+
+def robust_weights(distance_m: Array, scale_m: float) -> Array:
+    """Return Geman and McClure's weights ``(s^2 / (s^2 + d^2))^2``, 0 beyond 3 s; 1 for s = inf."""
+    if not np.isfinite(scale_m):
+        return np.ones(len(distance_m))
+    ratio = (distance_m / scale_m) ** 2
+    return np.where(ratio <= 9.0, 1.0 / (1.0 + ratio) ** 2, 0.0)
+
+
+def _record(
+    log: Log,
+    stage: Stage,
+    pairs: Correspondences,
+    weights: Array,
+    scale_m: float,
+    damping_weight: float,
+    step_rad: float,
+    x: Array,
+    problem: Problem,
+) -> None:
+    total = float(weights.sum())
+    rms = float(np.sqrt(weights @ pairs.residual_m**2 / total)) if total > 0 else float("nan")
+    base = log.T_world_element @ problem.chain.base_pose(x) if log.on_iteration or x[:BASE].any() else log.T_world_element
+    record = IterationRecord(
+        iteration=len(log.records) + 1,
+        phase=stage.phase,
+        points=int(np.count_nonzero(weights)),
+        surface_rmse_m=rms,
+        scale_m=scale_m,
+        damping=damping_weight,
+        step_rad=step_rad,
+        q=x[BASE:].copy(),
+        base_pose=base,
+    )
+    log.records.append(record)
+    if log.on_iteration is not None:
+        log.on_iteration(record)

@@ -1,0 +1,190 @@
+"""Fit: an element and a scan in, the as-built element out."""
+
+from __future__ import annotations
+
+import time
+from collections.abc import Callable
+
+import numpy as np
+import numpy.typing as npt
+from threadpoolctl import threadpool_limits
+
+from linear_ik.assessment import assess_segments, cloud_rmse, judge
+from linear_ik.chain import BASE
+from linear_ik.correspondence import Correspondences
+from linear_ik.descent import Descended, Log, Stage, descend, robust_weights, step_objective
+from linear_ik.element import Element
+from linear_ik.ik_step import Solver, make_solver
+from linear_ik.problem import Problem, thinned
+from linear_ik.result import FitResult, IterationRecord
+from linear_ik.scan import Scan
+from linear_ik.settings import FitSettings
+from linear_ik.startup import Startup
+from linear_ik.surface import Surface
+from linear_ik.uncertainty import covariance, noise_of, point_noise
+
+Array = npt.NDArray[np.float64]
+
+COARSE_POINTS_A_SEGMENT = 100
+SEARCH_POINTS_A_SEGMENT = 400
+ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
+
+
+def fit(
+    element: Element,
+    scan: Scan,
+    settings: FitSettings | None = None,
+    on_iteration: Callable[[IterationRecord], object] | None = None,
+) -> FitResult:
+    """Bend a designed element until it fits a scan.
+
+    Coarse to fine: a plain descent on a few points from the design; where that leaves
+    points unexplained, a search from the base outwards; then the descent on all points.
+
+    Args:
+        element: what was designed, and how it is held.
+        scan: points in the same coordinates as the element's placement.
+        settings: the defaults are what the project knows to be best.
+        on_iteration: called with an IterationRecord after each iteration.
+
+    Returns:
+        The as-built element. Read its status before its figures.
+
+    Raises:
+        SettingsError: an unknown solver.
+        StepError: the solver failed on a step.
+    """
+    with threadpool_limits(1):
+        return _fit(element, scan, settings or FitSettings(), on_iteration)
+
+
+def _fit(
+    element: Element, scan: Scan, settings: FitSettings, on_iteration: Callable[[IterationRecord], object] | None
+) -> FitResult:
+    clock = Clock()
+    solver = make_solver(settings.solver)
+    log = Log(on_iteration, element.placement.T_world_element)
+    problem = Problem.of(element, scan)
+    rng = np.random.default_rng(settings.seed)
+    clock.lap("prepare")
+
+    coarse = problem.points
+    if len(coarse) > COARSE_POINTS_A_SEGMENT * element.segments:
+        coarse = rng.permutation(coarse)[: COARSE_POINTS_A_SEGMENT * element.segments]
+    found = plain(problem, coarse, settings, solver, log)
+    clock.lap("coarse")
+
+    if settings.search == "always" or (settings.search == "auto" and not believable(problem, found)):
+        found = searched(problem, found, settings, solver, log, rng)
+        clock.lap("search")
+
+    noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
+    scales = (ROBUST_SCALE * noise_m,)
+    found = descend(problem, found.x, Stage("full", problem.points, scales, noise_m, 12, 2e-5), settings, solver, log)
+    clock.lap("full")
+    return conclude(problem, found, noise_m, settings, log, clock)
+
+
+def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver, log: Log) -> Descended:
+    """Descend from the design, first unweighted, then with weights from the noise found."""
+    stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, 12, 1e-3)
+    found = descend(problem, problem.straight, stage, settings, solver, log)
+    noise_m = settings.range_noise_m or noise_of(found.pairs)
+    stage = Stage("coarse", points, (ROBUST_SCALE * noise_m,), noise_m, 3, 1e-4)
+    return descend(problem, found.x, stage, settings, solver, log)
+
+
+def believable(problem: Problem, found: Descended) -> bool:
+    """Whether a plain fit of a coarse cloud can only be right.
+
+    Nearly every point is explained on every segment, and every segment is seen from all
+    four sides: with a side missing, the opposite face explains the points as well.
+    """
+    noise_m = noise_of(found.pairs)
+    if noise_m > 0.006:
+        return False
+    n = problem.element.segments
+    segment = found.pairs.segment
+    count = np.bincount(segment, minlength=n)
+    near = np.bincount(segment[found.pairs.distance_m < 4.5 * noise_m], minlength=n)
+    if (count < 12).any() or (near < 0.95 * count).any():
+        return False
+    side = quadrants(found.pairs.gradient)
+    seen = np.bincount(4 * segment + side, minlength=4 * n).reshape(n, 4)
+    share = np.bincount(quadrants(problem.surface.normals), problem.surface.widths_m, minlength=4)
+    expected = share / share.sum() * count[:, None]
+    return bool((seen >= np.minimum(0.25 * expected, expected - 3.0 * np.sqrt(expected))).all())
+
+
+def quadrants(directions: Array) -> npt.NDArray[np.intp]:
+    """Return which side, +x, +y, -x or -y (0 to 3), each direction [P][2] points to."""
+    x, y = directions.T
+    return np.where(np.abs(x) >= np.abs(y), np.where(x > 0, 0, 2), np.where(y > 0, 1, 3)).astype(np.intp)
+
+
+def searched(
+    problem: Problem, found: Descended, settings: FitSettings, solver: Solver, log: Log, rng: np.random.Generator
+) -> Descended:
+    """Search from the base outwards, and keep the better of its outcome and the plain one."""
+    area = problem.surface.perimeter_m * problem.element.segment_length_m
+    cloud = thinned(problem.points, float(np.sqrt(area / SEARCH_POINTS_A_SEGMENT)), settings.seed)
+    noise_m = settings.range_noise_m or point_noise(cloud, problem.points, rng)
+    startup = Startup(problem, cloud, noise_m, settings, solver, log)
+    starts = [startup.run(), startup.finish(found.x)]
+    best = max(starts, key=startup.score)
+    return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)
+
+
+def conclude(
+    problem: Problem, found: Descended, noise_m: float, settings: FitSettings, log: Log, clock: Clock
+) -> FitResult:
+    """Return the result: nodes and covariance in the scan's coordinates, and the verdict."""
+    element, chain, pose, pairs = problem.element, problem.chain, found.pose, found.pairs
+    used = found.weights > 0
+    objective = step_objective(problem, found.x, pose, pairs, found.weights, noise_m, settings)
+    _, node_covariance = covariance(problem, pose, objective, noise_m)
+    segments = assess_segments(problem, pose, pairs, found.weights)
+    across = np.linalg.eigvalsh(node_covariance)[:, -1]
+    status, reasons = judge(problem, found.x, segments, np.sqrt(np.maximum(across, 0.0)), noise_m, found.converged)
+    weighted = float(found.weights @ pairs.residual_m**2 / max(float(found.weights.sum()), 1e-12))
+    rmse_m = cloud_rmse(problem, pose, pairs, used, settings.seed)
+    T = element.placement.T_world_element
+    R = T[:3, :3]
+    clock.lap("assess")
+    return FitResult(
+        element=element,
+        status=status,
+        reasons=reasons,
+        nodes_m=pose.nodes_m @ R.T + T[:3, 3],
+        nodes_covariance_m2=R @ node_covariance @ R.T,
+        q=found.x[BASE:].copy(),
+        joint_angles_rad=found.x[BASE:].reshape(-1, 3)[:, ::-1].copy(),
+        joint_limits_rad=np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)[:, ::-1].copy(),
+        base_pose=T @ chain.base_pose(found.x),
+        rmse_m=rmse_m,
+        surface_rmse_m=float(np.sqrt(weighted)) if used.any() else float("nan"),
+        range_noise_m=noise_m,
+        segments=segments,
+        history=tuple(log.records),
+        settings=settings,
+        timings_s=clock.timings(),
+    )
+
+
+class Clock:
+    """Wall time of the stages of one fit."""
+
+    def __init__(self) -> None:
+        """Start now."""
+        self._started = self._lap = time.perf_counter()
+        self._laps: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        """Note the time since the last lap as that of stage ``name``."""
+        now = time.perf_counter()
+        self._laps[name] = now - self._lap
+        self._lap = now
+
+    def timings(self) -> dict[str, float]:
+        """Return seconds by stage, and their total."""
+        return {**self._laps, "total": time.perf_counter() - self._started}

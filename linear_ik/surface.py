@@ -1,0 +1,108 @@
+"""Surface: the faces a scanner can see of one segment, and where points lie on them.
+
+A segment is its profile's outer outline extruded along its own Z. The ends are open:
+inside a member there are none, and at its ends a cap would draw points of whatever is
+built against it. A face is one edge of the outline; a round section is one face.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.profile import Profile
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+
+
+@dataclass(frozen=True, eq=False)
+class Surface:
+    """Outer faces of a profile.
+
+    Attributes:
+        corners: [E][2] outline, counter-clockwise, metres.
+        tangents: [E][2] unit direction of edge e, from corner e to corner e + 1.
+        normals: [E][2] outward unit normal of edge e.
+        widths_m: [E] length of edge e.
+        radius_m: radius of a round section, whose edges are chords; else None.
+    """
+
+    corners: Array
+    tangents: Array
+    normals: Array
+    widths_m: Array
+    radius_m: float | None
+
+    @classmethod
+    def of(cls, profile: Profile) -> Surface:
+        """Return the outer faces of ``profile``."""
+        corners = profile.outline()
+        edges = np.roll(corners, -1, axis=0) - corners
+        widths = np.linalg.norm(edges, axis=1)
+        tangents = edges / widths[:, None]
+        normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
+        return cls(corners, tangents, normals, widths, profile.radius_m)
+
+    @property
+    def perimeter_m(self) -> float:
+        """Length of the outline (of the circle, for a round section)."""
+        return float(self.widths_m.sum()) if self.radius_m is None else 2 * np.pi * self.radius_m
+
+    @property
+    def reach_m(self) -> float:
+        """Distance from the axis to the farthest corner."""
+        return float(np.linalg.norm(self.corners, axis=1).max())
+
+    def mesh(self, length_m: float) -> tuple[Array, npt.NDArray[np.uint32]]:
+        """Return vertices [2E][3] and triangles [2E][3] of the open tube.
+
+        Triangles 2e and 2e + 1 belong to face e.
+        """
+        n = len(self.corners)
+        bottom = np.column_stack([self.corners, np.zeros(n)])
+        vertices = np.concatenate([bottom, bottom + [0, 0, length_m]])
+        a = np.arange(n)
+        b = (a + 1) % n
+        triangles = np.stack([np.column_stack([a, b, b + n]), np.column_stack([a, b + n, a + n])], axis=1)
+        return vertices, triangles.reshape(-1, 3).astype(np.uint32)
+
+    def offsets(self, xy: Array, edge: Index) -> tuple[Array, Array]:
+        """Return the signed distance [P] of points to their face, and its gradient [P][2].
+
+        Args:
+            xy: [P][2] points in the segment's frame.
+            edge: [P] face each point is matched to.
+
+        Positive outside. Over a face the gradient is its normal; beyond a corner it
+        is the unit offset from the corner, so that edges constrain too.
+        """
+        if self.radius_m is not None:
+            rho = np.sqrt(np.einsum("ij,ij->i", xy, xy))
+            return rho - self.radius_m, xy / np.maximum(rho, 1e-12)[:, None]
+        normal = self.normals[edge]
+        delta = xy - self.corners[edge]
+        distance = np.einsum("ij,ij->i", normal, delta)
+        along = np.einsum("ij,ij->i", self.tangents[edge], delta)
+        past = along - np.clip(along, 0.0, self.widths_m[edge])
+        corner = np.flatnonzero(np.abs(past) > 1e-9)
+        if len(corner):
+            offset = distance[corner, None] * normal[corner] + past[corner, None] * self.tangents[edge[corner]]
+            length = np.linalg.norm(offset, axis=1)
+            sign = np.where(distance[corner] < 0, -1.0, 1.0)
+            distance[corner] = sign * length
+            normal[corner] = offset * (sign / length)[:, None]
+        return distance, normal
+
+    def distances(self, xy: Array) -> Array:
+        """Return the unsigned distance of points [P][2] to the outline [P]."""
+        if self.radius_m is not None:
+            return np.asarray(np.abs(np.hypot(xy[:, 0], xy[:, 1]) - self.radius_m))
+        best = np.full(len(xy), np.inf)
+        for corner, tangent, width in zip(self.corners, self.tangents, self.widths_m, strict=True):
+            delta = xy - corner
+            delta -= np.clip(delta @ tangent, 0.0, width)[:, None] * tangent
+            np.minimum(best, np.einsum("ij,ij->i", delta, delta), out=best)
+        return np.sqrt(best)

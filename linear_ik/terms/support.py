@@ -1,0 +1,42 @@
+"""Support: what holds the element's end, as stiff terms of the step."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import Pose
+from linear_ik.element import Element
+from linear_ik.terms.objective import Objective
+
+Array = npt.NDArray[np.float64]
+
+
+def end_support(element: Element, pose: Pose, weight: float) -> Objective | None:
+    """Return the pull of the end support towards its place in the design, or None.
+
+    roller: the end node stays on the design axis (2 equations); pinned: it stays within
+    ``end_tolerance_m`` of the design end (3); fixed: the last segment also keeps the
+    design direction, to the angle that the tolerance makes over its length (5).
+    With r the violations and A their Jacobian the term is
+    ``1/2 weight |A dx + r|^2 / end_tolerance_m^2``.
+
+    Args:
+        element: the design; its frame is the pose's.
+        pose: the chain now.
+        weight: [cost]; the variance a residual of one tolerance is worth.
+    """
+    if element.end == "free":
+        return None
+    tip = pose.nodes_m[-1] - [0.0, 0.0, element.length_m]
+    rows = 2 if element.end == "roller" else 3
+    A = pose.node_jacobians()[-1][:rows]
+    r = tip[:rows]
+    if element.end == "fixed":
+        z = pose.rotations[-1, :, 2]
+        # d z = w x z: the last segment's direction turns with its angular velocity.
+        turn = np.cross(pose.J[3:].T, z).T[:2]
+        A = np.concatenate([A, element.segment_length_m * turn])
+        r = np.concatenate([r, element.segment_length_m * z[:2]])
+    scale = weight / element.end_tolerance_m**2
+    return Objective(scale * A.T @ A, scale * A.T @ r)

@@ -1,0 +1,74 @@
+"""Uncertainty: the noise of the scan as the fit sees it, and the covariance of the nodes."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import Pose
+from linear_ik.correspondence import Correspondences
+from linear_ik.problem import Problem
+from linear_ik.terms.objective import Objective
+
+Array = npt.NDArray[np.float64]
+
+MAD_TO_SD = 1.4826
+SMALLEST_NOISE_M = 2e-5
+
+
+def noise_of(pairs: Correspondences, weights: Array | None = None) -> float:
+    """Return the standard deviation of the matched points about the surface, robustly.
+
+    The median of the absolute residuals of the points with weight, times 1.4826 (exact
+    for a normal distribution).
+    """
+    residual = np.abs(pairs.residual_m if weights is None else pairs.residual_m[weights > 0])
+    if not len(residual):
+        return float("nan")
+    return max(MAD_TO_SD * float(np.median(residual)), SMALLEST_NOISE_M)
+
+
+def point_noise(points: Array, cloud: Array, rng: np.random.Generator) -> float:
+    """Return the noise of a cloud before anything is fitted: the roughness of small patches.
+
+    Median over patches of the smallest principal deviation of some 20 neighbours, which
+    for neighbours on a plane is the noise across it.
+
+    Args:
+        points: [P][3] candidates for the patches' centres.
+        cloud: [C][3] the cloud the neighbours are taken from.
+        rng: chooses up to 200 patches.
+    """
+    from scipy.spatial import cKDTree
+
+    tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
+    centres = points if len(points) <= 200 else rng.choice(points, 200, replace=False)
+    _, rows = tree.query(centres, k=min(20, len(cloud)))
+    patches = cloud[rows] - cloud[rows].mean(axis=1, keepdims=True)
+    smallest = np.linalg.svd(patches, compute_uv=False)[:, -1]
+    return float(np.median(smallest) / np.sqrt(max(rows.shape[1] - 3, 1)))
+
+
+def covariance(problem: Problem, pose: Pose, objective: Objective, noise_m: float) -> tuple[Array, Array]:
+    """Return the covariance of the variables and of the nodes.
+
+    The inverse of the information of all terms (points, priors, supports), the
+    Cramer-Rao bound where the points are normal and rightly matched, carried to the
+    nodes by their Jacobian: ``S = s^2 H^-1``, ``C_k = A_k S A_k'``.
+
+    Args:
+        problem: for the variables that may move; the others have no variance.
+        pose: the fitted chain.
+        objective: sum of all terms but the damping, over all variables.
+        noise_m: s, standard deviation of a point.
+
+    Returns:
+        [6 + 3N][6 + 3N] of the variables; [N+1][3][3] of the nodes, element's frame, m^2.
+    """
+    rows = np.ix_(problem.variables, problem.variables)
+    S = np.zeros_like(objective.H)
+    H = objective.H[rows]
+    scale = 1.0 / np.sqrt(np.diag(H))
+    S[rows] = noise_m**2 * np.linalg.inv(H * scale * scale[:, None]) * scale * scale[:, None]
+    A = pose.node_jacobians()
+    return S, np.einsum("kai,ij,kbj->kab", A, S, A, optimize=True)
