@@ -1,0 +1,246 @@
+"""The result as JSON, schema "linear_ik/result/1": what scripts are written against.
+
+Lengths in metres, angles in radians, coordinates the scan's own; every number reads back
+as the same double, and null stands for one that is not known.
+"""
+
+from __future__ import annotations
+
+import json
+import math
+import os
+from collections.abc import Mapping
+from dataclasses import asdict, fields
+from pathlib import Path
+from typing import Any, get_args
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.element_file import element_from_mapping, element_to_mapping
+from linear_ik.errors import LinearIkError
+from linear_ik.exports.atomic import write_atomically
+from linear_ik.result import FitResult, IterationRecord, SegmentResult, SegmentStatus, Status
+from linear_ik.settings import FitSettings
+
+SCHEMA = "linear_ik/result/1"
+PACKAGES = ("linear_ik", "numpy", "open3d", "open3d-cpu", "osqp", "pin", "qpsolvers")
+EXPECTED = f'a result that linear_ik wrote, schema "{SCHEMA}"'
+
+Array = npt.NDArray[np.float64]
+
+
+class ResultError(LinearIkError):
+    """A file that is no result, or a result that contradicts itself."""
+
+
+def result_to_mapping(result: FitResult) -> dict[str, Any]:
+    """Return a result as JSON's own types, in the order of the contract."""
+    return {
+        "schema": SCHEMA,
+        "element": element_to_mapping(result.element),
+        "status": result.status,
+        "reasons": list(result.reasons),
+        "iterations": result.iterations,
+        "nodes_m": _plain(result.nodes_m),
+        "nodes_covariance_m2": _plain(result.nodes_covariance_m2),
+        "q": _plain(result.q),
+        "joint_angles_rad": _plain(result.joint_angles_rad),
+        "joint_limits_rad": _plain(result.joint_limits_rad),
+        "base_pose": _plain(result.base_pose),
+        "rmse_m": _plain(result.rmse_m),
+        "surface_rmse_m": _plain(result.surface_rmse_m),
+        "range_noise_m": _plain(result.range_noise_m),
+        "segments": [_plain(asdict(segment)) for segment in result.segments],
+        "history": [{f.name: _plain(getattr(record, f.name)) for f in fields(record)} for record in result.history],
+        "settings": _plain(asdict(result.settings)),
+        "timings_s": _plain(dict(result.timings_s)),
+        "versions": versions(),
+    }
+
+
+def result_to_json(result: FitResult) -> str:
+    """Return a result as JSON text: one line a key, a segment or an iteration."""
+    lines = []
+    for key, value in result_to_mapping(result).items():
+        if key in ("segments", "history") and value:
+            rows = ",\n  ".join(_dump(row) for row in value)
+            lines.append(f"{_dump(key)}: [\n  {rows}\n]")
+        else:
+            lines.append(f"{_dump(key)}: {_dump(value)}")
+    return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def write_result(result: FitResult, path: str | os.PathLike[str]) -> Path:
+    """Write a result as JSON, whole or not at all.
+
+    Raises:
+        OutputError: the file cannot be written.
+    """
+    return write_atomically(path, result_to_json(result))
+
+
+def read_result(path: str | os.PathLike[str]) -> FitResult:
+    """Return the result that a file holds.
+
+    Raises:
+        ResultError: no such file, no JSON, another schema, a key that is missing or wrong.
+    """
+    try:
+        mapping = json.loads(Path(path).read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ResultError(path, f"cannot be read: {error.strerror}", EXPECTED) from None
+    except (ValueError, RecursionError) as error:
+        raise ResultError(path, f"no JSON: {error}", EXPECTED) from None
+    try:
+        return result_from_mapping(mapping)
+    except LinearIkError as error:
+        raise ResultError(path, f"{error.subject}: {error.what}", error.expected or EXPECTED) from None
+
+
+def result_from_mapping(mapping: object) -> FitResult:
+    """Return the result of `result_to_mapping`'s mapping; ``versions`` are left out.
+
+    Raises:
+        LinearIkError: a key that is missing or wrong, named.
+    """
+    top = _mapping("result", mapping)
+    if top.get("schema") != SCHEMA:
+        raise ResultError("schema", f"{top.get('schema')!r}", EXPECTED)
+    element = element_from_mapping(_get(top, "element"))
+    n = element.segments
+    records = []
+    for i, row in enumerate(_list("history", _get(top, "history"))):
+        values = _mapping(f"history[{i}]", row)
+        arrays = {
+            "q": _array(f"history[{i}].q", _get(values, "q"), (3 * n,)),
+            "base_pose": _array(f"history[{i}].base_pose", _get(values, "base_pose"), (4, 4)),
+            # Not a number in JSON: a match that loses no weight at any distance.
+            "scale_m": math.inf if values.get("scale_m") is None else values["scale_m"],
+        }
+        records.append(_build(IterationRecord, f"history[{i}]", {**values, **arrays}))
+    segments = [
+        _build(SegmentResult, f"segments[{i}]", _mapping(f"segments[{i}]", row))
+        for i, row in enumerate(_list("segments", _get(top, "segments")))
+    ]
+    for i, segment in enumerate(segments):
+        _one_of(f"segments[{i}].status", segment.status, get_args(SegmentStatus))
+    if len(segments) != n:
+        raise ResultError("segments", f"{len(segments)} of them", f"the element's {n}")
+    settings = _mapping("settings", _get(top, "settings"))
+    return FitResult(
+        element=element,
+        status=_one_of("status", _get(top, "status"), get_args(Status)),
+        reasons=tuple(str(reason) for reason in _list("reasons", _get(top, "reasons"))),
+        nodes_m=_array("nodes_m", _get(top, "nodes_m"), (n + 1, 3)),
+        nodes_covariance_m2=_array("nodes_covariance_m2", _get(top, "nodes_covariance_m2"), (n + 1, 3, 3)),
+        q=_array("q", _get(top, "q"), (3 * n,)),
+        joint_angles_rad=_array("joint_angles_rad", _get(top, "joint_angles_rad"), (n, 3)),
+        joint_limits_rad=_array("joint_limits_rad", _get(top, "joint_limits_rad"), (n, 3, 2)),
+        base_pose=_array("base_pose", _get(top, "base_pose"), (4, 4)),
+        rmse_m=_number("rmse_m", _get(top, "rmse_m")),
+        surface_rmse_m=_number("surface_rmse_m", _get(top, "surface_rmse_m")),
+        range_noise_m=_number("range_noise_m", _get(top, "range_noise_m")),
+        segments=tuple(segments),
+        history=tuple(records),
+        settings=_build(FitSettings, "settings", settings, nan=False),
+        timings_s={
+            str(k): _number(f"timings_s.{k}", v) for k, v in _mapping("timings_s", _get(top, "timings_s")).items()
+        },
+    )
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of what the result depends on, those installed."""
+    import platform
+    from importlib.metadata import PackageNotFoundError, version
+
+    found = {"python": platform.python_version()}
+    for package in PACKAGES:
+        try:
+            found[package] = version(package)
+        except PackageNotFoundError:
+            continue
+    return found
+
+
+def _dump(value: object) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+
+
+def _plain(value: Any) -> Any:
+    """Return JSON's own types; a number that is not finite becomes None."""
+    if isinstance(value, Mapping):
+        return {str(k): _plain(v) for k, v in value.items()}
+    if isinstance(value, np.ndarray):
+        value = value.tolist()
+    if isinstance(value, (list, tuple)):
+        return [_plain(v) for v in value]
+    if isinstance(value, np.generic):
+        value = value.item()
+    if isinstance(value, float) and not math.isfinite(value):
+        return None
+    return value
+
+
+def _get(mapping: Mapping[str, Any], key: str) -> Any:
+    if key not in mapping:
+        raise ResultError(key, "is missing", EXPECTED)
+    return mapping[key]
+
+
+def _mapping(name: str, value: object) -> dict[str, Any]:
+    if not isinstance(value, dict):
+        raise ResultError(name, f"{_short(value)} is no mapping", EXPECTED)
+    return value
+
+
+def _list(name: str, value: object) -> list[Any]:
+    if not isinstance(value, list):
+        raise ResultError(name, f"{_short(value)} is no list", EXPECTED)
+    return value
+
+
+def _number(name: str, value: object) -> float:
+    if value is None:
+        return math.nan
+    if isinstance(value, bool) or not isinstance(value, (int, float)):
+        raise ResultError(name, f"{_short(value)} is no number", "a number or null")
+    return float(value)
+
+
+def _array(name: str, value: object, shape: tuple[int, ...]) -> Array:
+    expected = "numbers of shape [" + "][".join(str(n) for n in shape) + "]"
+    try:
+        array = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        raise ResultError(name, f"{_short(value)}", expected) from None
+    if array.shape != shape:
+        raise ResultError(name, f"shape [{']['.join(str(n) for n in array.shape)}]", expected)
+    return array
+
+
+def _one_of(name: str, value: Any, allowed: tuple[str, ...]) -> Any:
+    if value not in allowed:
+        raise ResultError(name, _short(value), "one of " + ", ".join(allowed))
+    return value
+
+
+def _build(kind: Any, name: str, values: Mapping[str, Any], nan: bool = True) -> Any:
+    """Return a dataclass from the values of its own fields; what later versions add is ignored."""
+    out = {}
+    for f in fields(kind):
+        value = _get(values, f.name) if f.name in values else _get({}, f"{name}.{f.name}")
+        if f.type == "float" and nan:
+            value = _number(f"{name}.{f.name}", value)
+        elif f.type == "int" and (isinstance(value, bool) or not isinstance(value, int)):
+            raise ResultError(f"{name}.{f.name}", f"{_short(value)}", "a whole number")
+        elif f.type == "str" and not isinstance(value, str):
+            raise ResultError(f"{name}.{f.name}", f"{_short(value)}", "a text")
+        out[f.name] = value
+    return kind(**out)
+
+
+def _short(value: object) -> str:
+    text = repr(value)
+    return text if len(text) <= 60 else text[:57] + "..."
