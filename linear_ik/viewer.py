@@ -1,0 +1,280 @@
+"""Viewer: the designed, the scanned and the fitted element in a browser (meshcat).
+
+The solver knows nothing of it: `Viewer.on_iteration` is one of the callables that
+`linear_ik.fit` may be given.
+"""
+
+from __future__ import annotations
+
+import os
+import time
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import Chain
+from linear_ik.element import Element
+from linear_ik.exports.atomic import write_atomically
+from linear_ik.result import FitResult, IterationRecord
+from linear_ik.scan import Scan
+from linear_ik.section import extruded_mesh
+from linear_ik.viewer_page import Scene
+
+Array = npt.NDArray[np.float64]
+
+MOST_POINTS = 200_000
+# Points of a whole site would drown the member: this share is kept for what is near it.
+NEAR_SHARE = 0.75
+NEAR_M = 1.0
+ANIMATION_FRAMES = 60
+ANIMATION_FPS = 12
+DESIGNED, FITTED, SCANNED = 0xFFFFFF, 0x35B24A, (0.75, 0.78, 0.82)
+# Distance to the fitted surface, as a share of the largest shown: blue, yellow, red; grey beyond ten times that.
+COLOUR_STOPS = (0.0, 0.5, 1.0)
+COLOURS = ((0.16, 0.38, 0.95), (0.98, 0.85, 0.25), (0.90, 0.15, 0.12))
+
+
+class Viewer:
+    """A scene of one element: designed (white, translucent), scan, fitted (green).
+
+    Coordinates are shown about a local origin, the first thing shown, because browsers
+    compute in single precision.
+    """
+
+    def __init__(self, title: str = "linear_ik") -> None:
+        """Start with an empty scene; nothing is served yet."""
+        from meshcat import Visualizer
+
+        self.scene = Scene(title)
+        self._vis = Visualizer(window=self.scene)
+        self._origin: Array | None = None
+        self._element: Element | None = None
+        self._chain: Chain | None = None
+        self._fitted = 0
+        self._pause_s = 0.0
+        self._pause_left_s = 0.0
+        self._vis["/Background"].set_property("top_color", [0.45, 0.50, 0.56])
+        self._vis["/Background"].set_property("bottom_color", [0.16, 0.18, 0.21])
+
+    def show_design(self, element: Element) -> None:
+        """Show an element as designed, and turn the camera to it."""
+        self._element, self._chain = element, Chain.of(element)
+        T = element.placement.T_world_element
+        end = T[:3, 3] + T[:3, 2] * element.length_m
+        self._look_at(T[:3, 3], end, T[:3, 0] + T[:3, 1])
+        body = _mesh(element, element.length_m)
+        self._vis["design"].set_object(body, _material(DESIGNED, opacity=0.35))
+        T_view = _transform(T[:3, :3], self._local(T[:3, 3]))
+        self._vis["design"].set_transform(T_view)
+        self._vis["/Axes"].set_transform(T_view)
+        self._caption("#ffffff", f"designed: {element.name}")
+
+    def show_scan(self, scan: Scan, distances_m: Array | None = None, largest_m: float = 0.005) -> None:
+        """Show a scan, at most 200,000 points of it.
+
+        Args:
+            scan: the points.
+            distances_m: [P] distance of each to the fitted surface; blue at 0, red at
+                ``largest_m``, grey from ten times that on. None shows them all alike.
+            largest_m: upper end of the colours.
+        """
+        from meshcat.geometry import PointCloud
+
+        rows = self._sample(scan.points)
+        points = scan.points[rows]
+        if self._origin is None:
+            self._look_at(points.min(axis=0), points.max(axis=0), np.array([1.0, 1.0, 0.0]))
+        local = self._local(points)
+        colours = np.tile(SCANNED, (len(points), 1))
+        text = f"scanned: {len(scan):,} points"
+        if distances_m is not None:
+            share = np.asarray(distances_m)[rows] / largest_m
+            near = share < 10
+            colours[near] = np.column_stack(
+                [np.interp(share[near], COLOUR_STOPS, c) for c in zip(*COLOURS, strict=True)]
+            )
+            text += f"; blue on the fitted surface, red {1000 * largest_m:g} mm off, grey elsewhere"
+        extent = self._element.length_m if self._element else float(np.ptp(local, axis=0).max())
+        cloud = PointCloud(local.T.astype(np.float32), colours.T.astype(np.float32), size=max(extent / 400, 1e-4))
+        self._vis["scan"].set_object(cloud)
+        self._caption("#2961f2" if distances_m is not None else "#bfc7d1", text)
+
+    def show_fit(self, element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike) -> None:
+        """Show an element bent.
+
+        Args:
+            element: what was designed.
+            q: [3N] Pinocchio's configuration, (z, y, x) a segment.
+            base_pose: T_world_base [4][4].
+        """
+        if self._element is not element or self._chain is None:
+            self._element, self._chain = element, Chain.of(element)
+        if self._origin is None:
+            nodes = self._chain.nodes(q) @ np.asarray(base_pose)[:3, :3].T + np.asarray(base_pose)[:3, 3]
+            self._look_at(nodes[0], nodes[-1], np.asarray(base_pose)[:3, :2].sum(axis=1))
+        if self._fitted != element.segments:
+            self._vis["fitted"].delete()
+            body, material = _mesh(element, element.segment_length_m), _material(FITTED, opacity=0.5)
+            for k in range(element.segments):
+                self._vis[f"fitted/{k + 1}"].set_object(body, material)
+            self._fitted = element.segments
+            self._caption("#35b24a", "fitted")
+        for k, T in enumerate(self._poses(q, base_pose)):
+            self._vis[f"fitted/{k + 1}"].set_transform(T)
+
+    def show_result(self, result: FitResult, scan: Scan | None = None) -> None:
+        """Show a design and what became of it, the scan coloured by its distance to that."""
+        self.show_design(result.element)
+        found = result.status != "not_scanned"
+        if scan is not None:
+            noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
+            largest_m = max(0.003, round(3 * noise_m, 3))
+            self.show_scan(scan, self._distances(result, scan) if found else None, largest_m)
+        if found:
+            self.show_fit(result.element, result.q, result.base_pose)
+            self._animate(result)
+        self._caption(None, "status: " + result.status + "".join(f"\n{reason}" for reason in result.reasons))
+
+    def on_iteration(self, record: IterationRecord) -> None:
+        """Show the state after one iteration; give it to `linear_ik.fit`."""
+        if self._element is None:
+            return
+        self.show_fit(self._element, record.q, record.base_pose)
+        # A fit is over in a blink: hold each state long enough to be seen, but not for ever.
+        pause = min(self._pause_s, self._pause_left_s)
+        if pause > 0:
+            time.sleep(pause)
+            self._pause_left_s -= pause
+
+    def slow_down(self, pause_s: float = 0.08, total_s: float = 10.0) -> None:
+        """Let `on_iteration` wait after each state, ``total_s`` over all of them."""
+        self._pause_s, self._pause_left_s = pause_s, total_s
+
+    def serve(self, port: int | None = None) -> str:
+        """Serve the scene on the loopback address and return its URL."""
+        return self.scene.serve(port)
+
+    def wait_for_browser(self, timeout_s: float) -> bool:
+        """Wait until a browser follows the scene; say whether one does."""
+        end = time.monotonic() + timeout_s
+        while not self.scene.watchers() and time.monotonic() < end:
+            time.sleep(0.05)
+        return self.scene.watchers() > 0
+
+    def static_html(self, path: str | os.PathLike[str]) -> Path:
+        """Write the scene as one HTML file that any browser opens, without a network.
+
+        Raises:
+            OutputError: the file cannot be written.
+        """
+        return write_atomically(path, self.scene.static_html())
+
+    def close(self) -> None:
+        """Stop serving."""
+        self.scene.close()
+
+    def _local(self, points: Array) -> Array:
+        """Return points [3] or [P][3] about the local origin."""
+        return np.asarray(points if self._origin is None else points - self._origin)
+
+    def _poses(self, q: npt.ArrayLike, base_pose: npt.ArrayLike) -> list[Array]:
+        """Return T_view_segment [4][4] of each segment."""
+        assert self._chain is not None
+        T_world_base = np.array(base_pose, dtype=np.float64)
+        T_world_base[:3, 3] = self._local(T_world_base[:3, 3])
+        return [T_world_base @ T for T in self._chain.segment_poses(q)]
+
+    def _sample(self, points: Array) -> npt.NDArray[np.intp]:
+        """Return the rows to show: all, or a random choice with a preference for the member."""
+        if len(points) <= MOST_POINTS:
+            return np.arange(len(points))
+        random = np.random.default_rng(0)
+        if self._element is None:
+            return np.sort(random.choice(len(points), MOST_POINTS, replace=False))
+        T = self._element.placement.T_world_element
+        along = (points - T[:3, 3]) @ T[:3, 2]
+        ends = T[:3, 3] + np.clip(along, 0, self._element.length_m)[:, None] * T[:3, 2]
+        reach = NEAR_M + np.linalg.norm(self._element.profile.outline(), axis=1).max()
+        is_near = np.linalg.norm(points - ends, axis=1) < reach
+        near, far = np.flatnonzero(is_near), np.flatnonzero(~is_near)
+        n_near = min(len(near), max(int(NEAR_SHARE * MOST_POINTS), MOST_POINTS - len(far)))
+        n_far = min(len(far), MOST_POINTS - n_near)
+        chosen = [random.choice(near, n_near, replace=False), random.choice(far, n_far, replace=False)]
+        return np.sort(np.concatenate(chosen))
+
+    def _distances(self, result: FitResult, scan: Scan) -> Array:
+        """Return the distance of every point [P] to the fitted surface."""
+        import open3d as o3d
+
+        mesh = extruded_mesh(result.element.profile, result.element.segment_length_m)
+        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces).astype(np.uint32)
+        scene = o3d.t.geometry.RaycastingScene()
+        for T in self._poses(result.q, result.base_pose):
+            placed = (vertices @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
+            scene.add_triangles(o3d.core.Tensor(placed), o3d.core.Tensor(faces))
+        local = np.ascontiguousarray(self._local(scan.points), dtype=np.float32)
+        return np.asarray(scene.compute_distance(o3d.core.Tensor(local)).numpy(), dtype=np.float64)
+
+    def _animate(self, result: FitResult) -> None:
+        """Let the page play the fit, from the first state to the last."""
+        from meshcat.animation import Animation
+
+        if not result.history:
+            return
+        chosen = np.unique(np.linspace(0, len(result.history) - 1, ANIMATION_FRAMES).astype(int))
+        states = [(result.history[i].q, result.history[i].base_pose) for i in chosen]
+        states.append((result.q, result.base_pose))
+        animation = Animation(default_framerate=ANIMATION_FPS)
+        for i, (q, base_pose) in enumerate(states):
+            for k, T in enumerate(self._poses(q, base_pose)):
+                with animation.at_frame(self._vis, i) as frame:
+                    frame[f"fitted/{k + 1}"].set_transform(T)
+        self._vis.set_animation(animation)
+
+    def _look_at(self, start: Array, end: Array, side: Array) -> None:
+        """Turn the camera to what lies between two points, from one side and a little above.
+
+        The first call makes the middle the local origin: meshcat's camera turns about that.
+        """
+        if self._origin is None:
+            self._origin = (start + end) / 2
+        extent = float(np.linalg.norm(end - start))
+        side = side + np.array([0.0, 0.0, 0.5])
+        eye = side / np.linalg.norm(side) * extent * 0.85
+        # The camera lives in a frame with Y up, and has no setter of its own.
+        camera = self._vis["/Cameras/default/rotated/<object>"]
+        camera.set_property("position", [eye[0], eye[2], -eye[1]])
+        camera.set_property("near", extent / 1000)
+        camera.set_property("far", extent * 100)
+        floor = self._local(np.array([*(start + end)[:2] / 2, min(start[2], end[2])]))
+        self._vis["/Grid"].set_transform(_transform(np.eye(3), floor))
+
+    def _caption(self, colour: str | None, text: str) -> None:
+        kind = text.split(":")[0]
+        others = [line for line in self.scene.captions if line[1].split(":")[0] != kind]
+        self.scene.captions = [*others, (colour, text)]
+
+
+def _mesh(element: Element, length_m: float) -> Any:
+    """Return meshcat's geometry of the element's section over a length."""
+    from meshcat.geometry import TriangularMeshGeometry
+
+    mesh = extruded_mesh(element.profile, length_m)
+    # Corners of their own for each triangle: shared ones would be shaded as if the edges were rounded.
+    vertices = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
+    return TriangularMeshGeometry(vertices, np.arange(len(vertices)).reshape(-1, 3))
+
+
+def _material(colour: int, opacity: float) -> Any:
+    from meshcat.geometry import MeshLambertMaterial
+
+    # Neither hides the points inside it.
+    return MeshLambertMaterial(color=colour, opacity=opacity, depthWrite=False)
+
+
+def _transform(rotation: Array, translation: Array) -> Array:
+    T = np.eye(4)
+    T[:3, :3], T[:3, 3] = rotation, translation
+    return T
