@@ -1,0 +1,77 @@
+"""The verbs together, and what happens when they fail."""
+
+from __future__ import annotations
+
+import os
+import sys
+import warnings
+from collections.abc import Sequence
+from typing import Annotated
+
+import typer
+
+from linear_ik.cli import demo, fit, simulate, urdf, view
+from linear_ik.cli.process import BROKEN_PIPE, INTERRUPTED, explain
+
+NAME = "linear-ik"
+
+app = typer.Typer(
+    name=NAME,
+    help="As-built shape of beams, columns and pipes: bends a designed element until it fits a laser scan.",
+    epilog="Exit codes: 0 done, 2 bad input (nothing written), 3 the element is not in the scan.",
+    context_settings={"help_option_names": ["-h", "--help"]},
+    rich_markup_mode=None,
+    pretty_exceptions_enable=False,
+    add_completion=False,
+)
+for verb in (fit, view, demo, urdf, simulate):
+    verb.register(app)
+
+
+def _version(asked: bool) -> None:
+    if asked:
+        from importlib.metadata import version
+
+        typer.echo(f"{NAME} {version('linear_ik')}")
+        raise typer.Exit()
+
+
+@app.callback(invoke_without_command=True)
+def _top(
+    context: typer.Context,
+    version: Annotated[
+        bool, typer.Option("--version", help="Print the version and exit.", callback=_version, is_eager=True)
+    ] = False,
+) -> None:
+    if context.invoked_subcommand is None:
+        typer.echo(context.get_help())
+
+
+def main(arguments: Sequence[str] | None = None) -> int:
+    """Run the command line and return its exit code; nothing is raised.
+
+    Args:
+        arguments: those after the program's name; of the process when None.
+    """
+    debug = bool(os.environ.get("LINEAR_IK_DEBUG"))
+    if not debug:
+        warnings.simplefilter("ignore")
+    try:
+        code = typer.main.get_command(app).main(
+            args=list(sys.argv[1:] if arguments is None else arguments), prog_name=NAME, standalone_mode=False
+        )
+        sys.stdout.flush()
+        return code if isinstance(code, int) else 0
+    except BrokenPipeError:
+        # Python flushes stdout once more when it ends, and would complain then.
+        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+        return BROKEN_PIPE
+    except (KeyboardInterrupt, typer.Abort):
+        print("interrupted", file=sys.stderr)
+        return INTERRUPTED
+    except Exception as error:
+        if debug:
+            raise
+        line, code = explain(error)
+        print(line, file=sys.stderr)
+        return code

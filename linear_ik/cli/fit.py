@@ -1,0 +1,156 @@
+"""`linear-ik fit`: the main job."""
+
+from __future__ import annotations
+
+import sys
+from collections.abc import Callable
+from pathlib import Path
+from typing import TYPE_CHECKING, Annotated
+
+import typer
+
+from linear_ik.cli.outputs import STDOUT, check_output
+from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
+from linear_ik.cli.progress import Progress
+
+if TYPE_CHECKING:
+    from linear_ik.element import Element
+    from linear_ik.result import FitResult, IterationRecord
+    from linear_ik.scan import Scan
+    from linear_ik.viewer import Viewer
+
+EXAMPLE = """Example: two files of one scan, the result, and the bent member for other programs
+
+\b
+  linear-ik fit beam.yaml east.e57 west.e57 -o result.json --glb beam.glb
+  linear-ik fit beam.yaml scan.ply -o - | jq .status
+"""
+
+
+def register(app: typer.Typer) -> None:
+    """Add the verb."""
+    about = "Fit a designed element to its scan and write the as-built element."
+    app.command("fit", cls=Verb, help=about, epilog=EXAMPLE)(fit)
+
+
+def fit(
+    element: Annotated[Path, typer.Argument(metavar="ELEMENT.yaml", help="The designed element.")],
+    scan: Annotated[list[Path], typer.Argument(metavar="SCAN", help="One or more files of one scan.")],
+    output: Annotated[
+        Path, typer.Option("-o", "--output", metavar="RESULT.json", help="The result; - prints it on stdout.")
+    ],
+    urdf: Annotated[
+        Path | None, typer.Option("--urdf", metavar="OUT.urdf", help="Also a URDF, with the joint values beside it.")
+    ] = None,
+    glb: Annotated[
+        Path | None, typer.Option("--glb", metavar="OUT.glb", help="Also the bent body, for 3D viewers.")
+    ] = None,
+    view: Annotated[bool, typer.Option("--view", help="Watch the fit in a browser.")] = False,
+    wait: Annotated[
+        bool, typer.Option("--wait/--no-wait", help="With --view: stay until Enter or Ctrl-C, or end at once.")
+    ] = True,
+    search: Annotated[
+        str, typer.Option("--search", metavar="auto|always|never", help="Search each joint's direction from the base.")
+    ] = "auto",
+    solver: Annotated[str, typer.Option("--solver", help="A QP solver that qpsolvers knows.")] = "osqp",
+    range_noise: Annotated[
+        float | None, typer.Option("--range-noise", metavar="METRES", help="Of the scanner; estimated when left out.")
+    ] = None,
+    max_iterations: Annotated[int, typer.Option("--max-iterations", help="Of all phases together.")] = 2000,
+    quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
+) -> Outcome:
+    """Check everything, read, fit, write, and say what was found."""
+    inputs = [element, *scan]
+    to_stdout = output == STDOUT
+    target = output if to_stdout else check_output(output, inputs)
+    urdf_target = check_output(urdf, inputs, [output]) if urdf else None
+    glb_target = check_output(glb, inputs, [output, *([urdf] if urdf else [])]) if glb else None
+
+    from linear_ik.errors import SettingsError
+    from linear_ik.settings import FitSettings
+
+    try:
+        settings = FitSettings(search=search, solver=solver, range_noise_m=range_noise, max_iterations=max_iterations)  # type: ignore[arg-type]
+    except SettingsError as error:
+        raise about_options(error, range_noise_m="--range-noise") from None
+
+    from linear_ik.element_file import load_element
+
+    design = load_element(element)
+    progress = Progress(quiet)
+    with progress.stage("reading " + ", ".join(str(path) for path in scan)):
+        from linear_ik.readers import read_scan
+
+        points = read_scan(*scan)
+    viewer = _open_viewer(design, points, wait) if view else None
+
+    with progress.stage(f"fitting {design.name}"):
+        from linear_ik.fit import fit as fit_element
+
+        try:
+            result = fit_element(design, points, settings, _listener(progress, viewer, quiet))
+        except SettingsError as error:
+            raise about_options(error) from None
+    with progress.stage("writing"):
+        _write_bodies(result, urdf_target, glb_target)
+        from linear_ik.exports.result_json import result_to_json, write_result
+
+        text = result_to_json(result) if to_stdout else ""
+        if not to_stdout:
+            write_result(result, target)
+    if not quiet:
+        _summarise(result, [path for path in (output, urdf, glb) if path is not None and path != STDOUT])
+    if viewer is not None:
+        from linear_ik.cli.view import stay
+
+        viewer.show_result(result, points)
+        stay(viewer, wait)
+    return Outcome(NOT_SCANNED if result.status == "not_scanned" else 0, text)
+
+
+def _open_viewer(design: Element, points: Scan, wait: bool) -> Viewer:
+    from linear_ik.cli.view import open_browser
+    from linear_ik.viewer import Viewer
+
+    viewer = Viewer(design.name)
+    viewer.show_design(design)
+    viewer.show_scan(points)
+    if open_browser(viewer, None, wait):
+        viewer.slow_down()
+    return viewer
+
+
+def _listener(progress: Progress, viewer: Viewer | None, quiet: bool) -> Callable[[IterationRecord], None] | None:
+    """Return what is called after each iteration, or None where nobody looks."""
+    if viewer is None and (quiet or not sys.stderr.isatty()):
+        return None
+
+    def on_iteration(record: IterationRecord) -> None:
+        rms = 1000 * record.surface_rmse_m
+        progress.update(f"fitting: iteration {record.iteration}, {record.phase}, {rms:.2f} mm rms")
+        if viewer is not None:
+            viewer.on_iteration(record)
+
+    return on_iteration
+
+
+def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None) -> None:
+    # An element that was not found has no shape to export.
+    if result.status == "not_scanned":
+        return
+    if urdf is not None:
+        from linear_ik.exports.fitted_urdf import write_fitted_urdf
+
+        write_fitted_urdf(result.element, result.q, result.base_pose, urdf)
+    if glb is not None:
+        from linear_ik.exports.glb import write_glb
+
+        write_glb(result.element, result.q, result.base_pose, glb)
+
+
+def _summarise(result: FitResult, files: list[Path]) -> None:
+    from linear_ik.cli.summary import describe
+
+    written = [str(path) for i, path in enumerate(files) if i == 0 or result.status != "not_scanned"]
+    for line in [*describe(result), *([f"{'written':<11}{', '.join(written)}"] if written else [])]:
+        print(line, file=sys.stderr)

@@ -1,0 +1,75 @@
+"""Where a verb may write: asked before the work, so that nothing is computed in vain."""
+
+from __future__ import annotations
+
+import os
+import tempfile
+from collections.abc import Iterable
+from pathlib import Path
+
+from linear_ik.errors import OutputError
+
+STDOUT = Path("-")
+
+
+def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path] = ()) -> Path:
+    """Return the file that will be written, links followed; nothing is made yet.
+
+    Args:
+        path: as the person typed it.
+        inputs: files that are read, and so are not to be replaced.
+        others: the verb's other outputs.
+
+    Raises:
+        OutputError: a folder, a device, one of ``inputs`` or ``others``, or a place that
+            cannot be written to.
+    """
+    try:
+        target = Path(os.path.realpath(path))
+        if target.is_dir() or str(path).endswith(os.sep):
+            raise OutputError(path, "is a folder", "a file name")
+        if target.exists() and not target.is_file():
+            raise OutputError(path, "is no regular file", "a file name")
+        for other in inputs:
+            if target == Path(os.path.realpath(other)) or (
+                target.exists() and other.exists() and target.samefile(other)
+            ):
+                raise OutputError(path, "is one of the files that are read", "another file name")
+        for other in others:
+            if target == Path(os.path.realpath(other)):
+                raise OutputError(path, "is given for two outputs", "a file name of its own for each")
+        if target.exists() and not os.access(target, os.W_OK):
+            raise OutputError(path, "is write-protected", "a file that may be replaced")
+        _check_folder(path, target.parent)
+    except (OSError, ValueError) as error:
+        raise OutputError(path, f"cannot be written: {_reason(error)}", "a writable place") from None
+    return target
+
+
+def check_folder(path: Path) -> Path:
+    """Return the folder that will be written to, links followed; nothing is made yet.
+
+    Raises:
+        OutputError: a file in its place, or a place that cannot be written to.
+    """
+    try:
+        target = Path(os.path.realpath(path))
+        _check_folder(path, target)
+    except (OSError, ValueError) as error:
+        raise OutputError(path, f"cannot be written: {_reason(error)}", "a writable place") from None
+    return target
+
+
+def _check_folder(path: Path, folder: Path) -> None:
+    """Raise unless files can be made in ``folder``, or it in the nearest one that exists."""
+    while not os.path.lexists(folder):
+        folder = folder.parent
+    if not folder.is_dir():
+        raise OutputError(path, f"{folder} is no folder", "a folder, or a missing one that can be made")
+    # Only trying says the truth about mounts and rights; the file has no name and is gone at once.
+    with tempfile.TemporaryFile(dir=folder):
+        pass
+
+
+def _reason(error: Exception) -> str:
+    return error.strerror if isinstance(error, OSError) and error.strerror else str(error)

@@ -1,0 +1,71 @@
+"""What a person who waits is told, on stderr."""
+
+from __future__ import annotations
+
+import sys
+import threading
+from collections.abc import Iterator
+from contextlib import contextmanager
+from typing import TYPE_CHECKING
+
+if TYPE_CHECKING:
+    from rich.status import Status
+
+SPINNER_AFTER_S = 0.5
+# Without a terminal a line stays for good, so only what takes really long gets one.
+LINE_AFTER_S = 5.0
+
+
+class Progress:
+    """Says which stage takes its time: a spinner on a terminal, else a plain line.
+
+    rich is imported when there is something to say: a quick command never waits for it.
+    """
+
+    def __init__(self, quiet: bool = False) -> None:
+        """Say nothing at all when ``quiet``."""
+        self._quiet = quiet
+        self._terminal = sys.stderr.isatty()
+        self._lock = threading.Lock()
+        self._status: Status | None = None
+        self._text = ""
+
+    @contextmanager
+    def stage(self, text: str) -> Iterator[None]:
+        """Show ``text`` while the block runs, once it takes long enough."""
+        if self._quiet:
+            yield
+            return
+        self._text = text
+        over = threading.Event()
+        timer = threading.Thread(target=self._show, args=(over,), daemon=True)
+        timer.start()
+        try:
+            yield
+        finally:
+            over.set()
+            with self._lock:
+                if self._status is not None:
+                    self._status.stop()
+                    self._status = None
+
+    def update(self, text: str) -> None:
+        """Replace the text of the stage that runs."""
+        self._text = text
+        with self._lock:
+            if self._status is not None:
+                self._status.update(text)
+
+    def _show(self, over: threading.Event) -> None:
+        if over.wait(SPINNER_AFTER_S if self._terminal else LINE_AFTER_S):
+            return
+        if not self._terminal:
+            print(f"{self._text} ...", file=sys.stderr, flush=True)
+            return
+        from rich.console import Console
+        from rich.status import Status
+
+        with self._lock:
+            if not over.is_set():
+                self._status = Status(self._text, console=Console(stderr=True))
+                self._status.start()

@@ -1,0 +1,48 @@
+"""What a person reads after a fit; every figure with its 95 % band."""
+
+from __future__ import annotations
+
+import math
+from collections import Counter
+
+import numpy as np
+
+from linear_ik.result import FitResult
+
+# Two-sided 95 % of a normal distribution.
+BAND_95 = 1.959964
+
+
+def describe(result: FitResult) -> list[str]:
+    """Return the lines."""
+    lines = [_line("status", result.status)]
+    lines += [_line("", reason) for reason in result.reasons]
+    if result.status != "not_scanned":
+        lines.append(_line("tip", tip_displacement(result)))
+        noise = f", noise {1000 * result.range_noise_m:.2f} mm" if math.isfinite(result.range_noise_m) else ""
+        points = sum(segment.points for segment in result.segments)
+        rms = f"{1000 * result.surface_rmse_m:.2f} mm rms over {points:,} matched points{noise}"
+        lines.append(_line("surface", rms))
+    counts = Counter(segment.status.replace("_", " ") for segment in result.segments)
+    lines.append(_line("segments", ", ".join(f"{n} {status}" for status, n in counts.items())))
+    seconds = result.timings_s.get("total", math.nan)
+    took = f" in {seconds:.2f} s" if math.isfinite(seconds) else ""
+    lines.append(_line("iterations", f"{result.iterations}{took}"))
+    return lines
+
+
+def tip_displacement(result: FitResult) -> str:
+    """Return how far the last node is from where it was designed, with its 95 % band."""
+    element = result.element
+    T = element.placement.T_world_element
+    moved = result.nodes_m[-1] - (T[:3, 3] + T[:3, 2] * element.length_m)
+    distance, covariance = float(np.linalg.norm(moved)), result.nodes_covariance_m2[-1]
+    if not np.isfinite(covariance).all():
+        return f"{1000 * distance:.2f} mm from the design (band unknown)"
+    variance = float(moved @ covariance @ moved) / distance**2 if distance > 0 else float(np.linalg.norm(covariance, 2))
+    band = 1000 * BAND_95 * math.sqrt(max(variance, 0.0))
+    return f"{1000 * distance:.2f} mm from the design, +- {band:.2f} mm (95 %)"
+
+
+def _line(label: str, text: str) -> str:
+    return f"{label:<11}{text}"
