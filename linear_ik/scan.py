@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections import deque
+from collections.abc import Iterable
 from dataclasses import dataclass
 
 import numpy as np
@@ -10,6 +12,8 @@ import numpy.typing as npt
 from linear_ik.errors import ScanError
 
 Array = npt.NDArray[np.float64]
+
+FARTHEST_M = 1e8
 
 
 @dataclass(frozen=True, eq=False)
@@ -22,12 +26,13 @@ class Scan:
 
     Attributes:
         points: [P][3] metres. Points with a coordinate that is not finite are dropped.
-        normals: [P][3] unit vectors, or None. Nothing says which side they point to.
+        normals: [P][3] unit vectors (zero where unknown), or None. Nothing says which side they point to.
         stations: [S][3] scanner positions in metres, or None.
         station_index: [P] row of ``stations`` that saw each point, or None.
 
     Raises:
-        ScanError: no finite point is left, or the arrays do not belong together.
+        ScanError: no finite point is left, a coordinate beyond 1e8 m (no place on Earth has one,
+            and its square would spoil sums of millions), or the arrays do not belong together.
     """
 
     points: Array
@@ -45,12 +50,15 @@ class Scan:
             raise ScanError("normals", f"{len(normals)} rows", f"one a point: {len(points)}")
         if (stations is None) != (index is None):
             raise ScanError("stations", "given without station_index or the reverse", "both, or neither")
+        if stations is not None and not np.isfinite(stations).all():
+            raise ScanError("stations", "a position that is not finite", "metres")
         if index is not None and stations is not None:
             index = np.asarray(index, dtype=np.int32)
             if index.shape != (len(points),):
                 raise ScanError("station_index", f"shape {index.shape}", f"one a point: {len(points)}")
             if len(index) and not (0 <= index.min() and index.max() < len(stations)):
-                raise ScanError("station_index", f"value {index.max()}", f"a row of stations, 0 to {len(stations) - 1}")
+                wrong = index.min() if index.min() < 0 else index.max()
+                raise ScanError("station_index", f"value {wrong}", f"a row of stations, 0 to {len(stations) - 1}")
         finite = np.isfinite(points).all(axis=1)
         if not finite.all():
             points = points[finite]
@@ -58,7 +66,11 @@ class Scan:
             index = None if index is None else index[finite]
         if not len(points):
             raise ScanError("scan", "no point with finite coordinates", "at least one")
-        for name, value in zip(("points", "normals", "stations", "station_index"), (points, normals, stations, index)):
+        farthest = max(points.max(), -points.min())
+        if farthest > FARTHEST_M:
+            raise ScanError("points", f"a coordinate of {farthest:.3g} m", f"at most {FARTHEST_M:g} m")
+        values = (points, normals, stations, index)
+        for name, value in zip(("points", "normals", "stations", "station_index"), values, strict=True):
             object.__setattr__(self, name, value)
 
     def __len__(self) -> int:
@@ -66,28 +78,37 @@ class Scan:
         return len(self.points)
 
 
-def merge(scans: list[Scan]) -> Scan:
+def merge(scans: Iterable[Scan]) -> Scan:
     """Return several scans as one; stations keep their points.
 
-    Normals are kept when every part has them, stations when every part has them.
+    Normals are kept when every part has them, stations when every part has them. Stations at
+    the same place are one. Parts that nobody else holds are freed on the way, so that the
+    whole takes its own memory once.
+
+    Raises:
+        ScanError: nothing to merge.
     """
-    if not scans:
+    parts = deque(scans)
+    if not parts:
         raise ScanError("scan", "no files", "at least one")
-    if len(scans) == 1:
-        return scans[0]
-    stations = station_index = None
-    parts = [(s.stations, s.station_index) for s in scans]
-    if all(st is not None for st, _ in parts):
-        stations = np.concatenate([st for st, _ in parts if st is not None])
-        offsets = np.cumsum([0] + [len(st) for st, _ in parts if st is not None])
-        station_index = np.concatenate([ix + o for (_, ix), o in zip(parts, offsets) if ix is not None])
-    normals = [s.normals for s in scans if s.normals is not None]
-    return Scan(
-        points=np.concatenate([s.points for s in scans]),
-        normals=np.concatenate(normals) if len(normals) == len(scans) else None,
-        stations=stations,
-        station_index=station_index,
-    )
+    if len(parts) == 1:
+        return parts[0]
+    count = sum(map(len, parts))
+    points = np.empty((count, 3))
+    normals = np.empty((count, 3)) if all(s.normals is not None for s in parts) else None
+    index = np.empty(count, dtype=np.int32) if all(s.stations is not None for s in parts) else None
+    rows: dict[tuple[float, ...], int] = {}
+    end = 0
+    while parts:
+        part = parts.popleft()
+        start, end = end, end + len(part)
+        points[start:end] = part.points
+        if normals is not None:
+            normals[start:end] = part.normals
+        if index is not None and part.stations is not None:
+            own = [rows.setdefault(tuple(station), len(rows)) for station in part.stations.tolist()]
+            index[start:end] = np.array(own, dtype=np.int32)[part.station_index]
+    return Scan(points, normals, np.array(list(rows)) if index is not None else None, index)
 
 
 def _rows(name: str, value: npt.ArrayLike) -> Array:

@@ -1,0 +1,180 @@
+"""XYZ, TXT, CSV, ASC and PTS: one point a line, columns found by their names or taken as x y z.
+
+A line with nothing but a whole number counts the points that follow (PTS); several such
+clouds may stand one after another. Further columns (intensity, colour, normals) are not
+read. No file of this kind says where the scanner stood.
+"""
+
+from __future__ import annotations
+
+import re
+from collections.abc import Iterator, Sequence
+from dataclasses import dataclass
+from pathlib import Path
+from typing import BinaryIO
+
+from linear_ik.errors import ScanError
+from linear_ik.readers.chunk import Chunk, check_room, count_from
+from linear_ik.readers.text import DECIMAL_COMMA, Lines, fields, is_number, not_a_number, rows
+
+DELIMITERS = (";", ",", "\t", None)
+NAMES = (
+    ("x", "y", "z"),
+    ("easting", "northing", "elevation"),
+    ("easting", "northing", "height"),
+    ("easting", "northing", "z"),
+    ("east", "north", "height"),
+    ("e", "n", "h"),
+    ("e", "n", "z"),
+    ("points:0", "points:1", "points:2"),
+)
+AFFIX = re.compile(r"^(?:pos|position|coord|coordinate|point)[ _.]|[ _](?:m|pos|coord|coordinate)$")
+UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
+METRES = ("", "m", "metre", "metres", "meter", "meters")
+SMALLEST_ROW = len("0 0 0\n")
+NEITHER = "a header with x, y and z, or numbers"
+
+
+@dataclass(frozen=True)
+class Layout:
+    """Where a line keeps its point: the separator, and the columns of x, y and z."""
+
+    delimiter: str | None
+    columns: tuple[int, int, int]
+
+
+def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
+    """Yield the points of a text file.
+
+    Raises:
+        ScanError: a header without x, y and z, a unit other than metres, a decimal comma, a row
+            that is no point, or not the number of points that the file states.
+    """
+    with path.open("rb") as file:
+        if file.read(2) in (b"\xff\xfe", b"\xfe\xff"):
+            raise ScanError(path, "UTF-16 text", "ASCII or UTF-8")
+        file.seek(0)
+        lines = Lines(path, file, chunk_points)
+        layout, count = _preamble(lines, file)
+        while True:
+            for part in rows(lines, layout.columns, layout.delimiter, count):
+                yield Chunk(part)
+            count = None if count is None else _next_count(lines, file)
+            if count is None:
+                return
+
+
+def find_layout(path: Path, number: int, line: str, header: str, comments: Sequence[str]) -> Layout | None:
+    """Return how ``line`` holds a point, or None if it doesn't.
+
+    Args:
+        path: the file, for errors.
+        number: the line's number, for errors.
+        line: the line that may be the first point.
+        header: the line of names above it, or empty.
+        comments: the comments above it that may name the columns.
+
+    Raises:
+        ScanError: a unit other than metres, a decimal comma.
+    """
+    commas = [DECIMAL_COMMA.fullmatch(token.rstrip(",;")) for token in re.split(r"[;\s]+", line)[:3]]
+    if len(commas) == 3 and all(commas):
+        raise not_a_number(path, number, re.split(r"[;\s]+", line)[0].rstrip(",;"))
+    for delimiter in DELIMITERS:
+        values = fields(line, delimiter)
+        names, columns = [], (0, 1, 2)
+        for text in [header] if header else comments:
+            names = _split_names(text, delimiter, len(values))
+            columns = _axes(names) or columns
+            if names:
+                break
+        if header and not names:
+            continue
+        if len(values) > max(columns) and all(is_number(values[column]) for column in columns):
+            _check_units(path, [names[column] for column in columns] if names else [])
+            return Layout(delimiter, columns)
+    return None
+
+
+def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
+    """Read on to the first point; return how it is laid out and how many the file says there are."""
+    count, header, comments = None, "", list[str]()
+    while True:
+        start, before = file.tell(), lines.number
+        line = lines.line()
+        if line is None:
+            raise ScanError(lines.path, f"ends after 0 of {count} points" if count else "no points", NEITHER)
+        if not line:
+            continue
+        if line.startswith(("#", "//")):
+            text = re.sub(r"^[#/\s]*(?:\w+\s*:(?!\d))?\s*", "", line)
+            if _axes(re.split(r"[,;\s]+", text)):
+                comments.append(text)
+            continue
+        if line.isdigit() and count is None:
+            count = _count(lines, file, line)
+            continue
+        layout = find_layout(lines.path, lines.number, line, header, comments)
+        if layout is not None:
+            file.seek(start)
+            lines.number = before
+            return layout, count
+        if header or not _axes(re.split(r"[,;\s]+", line)):
+            raise _no_point(lines, line, header)
+        header = line
+
+
+def _next_count(lines: Lines, file: BinaryIO) -> int | None:
+    """Return how many points the next cloud of the file has, or None when there is none."""
+    while (line := lines.line()) is not None:
+        if line.isdigit():
+            return _count(lines, file, line)
+        if line and not line.startswith(("#", "//")):
+            raise ScanError(lines.path, f"line {lines.number} comes after the stated number of points", "the end")
+    return None
+
+
+def _count(lines: Lines, file: BinaryIO, text: str) -> int:
+    count = count_from(lines.path, text, f"line {lines.number}")
+    # The last line may lack its end.
+    check_room(lines.path, count, SMALLEST_ROW, lines.path.stat().st_size + 1 - file.tell())
+    return count
+
+
+def _split_names(header: str, delimiter: str | None, width: int) -> list[str]:
+    """Return the header's names when it has one for each of ``width`` columns, else nothing."""
+    for names in (fields(header, delimiter), re.split(r"[,;\s]+", header.strip(",; "))):
+        if len(names) == width and _axes(names):
+            return [name.strip('"').lower() for name in names]
+    return []
+
+
+def _axes(names: Sequence[str]) -> tuple[int, int, int] | None:
+    """Return the columns of x, y and z among names of columns."""
+    plain = [AFFIX.sub("", UNIT.sub("", name.strip('"').lower()).strip()) for name in names]
+    for x, y, z in NAMES:
+        if x in plain and y in plain and z in plain:
+            return plain.index(x), plain.index(y), plain.index(z)
+    return None
+
+
+def _check_units(path: Path, names: Sequence[str]) -> None:
+    for name in names:
+        unit = UNIT.search(name)
+        if unit is not None and unit[1] not in METRES:
+            raise ScanError(path, f"column {name} is not in metres", "metres")
+
+
+def _no_point(lines: Lines, line: str, header: str) -> ScanError:
+    """Return what is wrong with a line that is neither a point nor a header."""
+    where = f"line {lines.number}"
+    delimiter = max(DELIMITERS, key=lambda d: len(fields(line, d)))
+    values = fields(line, delimiter)
+    if header and not _split_names(header, delimiter, len(values)):
+        return ScanError(lines.path, f"{where}: not as many columns as the header names", "one value a name")
+    if is_number(values[0]) and len(values) < 3:
+        return ScanError(lines.path, f"{where}: {len(values)} columns", "at least 3")
+    if header or sum(map(is_number, values[:3])) > 1:
+        wrong = next((value for value in values[:3] if not is_number(value)), values[0])
+        return not_a_number(lines.path, lines.number, wrong)
+    return ScanError(lines.path, f"{where}: {ascii(line[:40])} is neither a point nor a header", NEITHER)
