@@ -36,7 +36,7 @@ def module_level_imports(path: Path) -> Iterator[str]:
 
 
 def test_a_room_imports_only_rooms_below_it(capsys: pytest.CaptureFixture[str]) -> None:
-    code = lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True, no_logo=True)
+    code = lint_imports(config_filename=str(ROOT / "pyproject.toml"), no_cache=True)
     assert code == 0, capsys.readouterr().out
 
 
