@@ -1,4 +1,8 @@
-"""Bending: an element in a shape that is known because somebody chose it."""
+"""Bending: an element in a shape that is known because somebody chose it.
+
+Its kinematics are the paper's section 3.1 written out, and not the fit's chain, so that
+a simulated truth owes nothing to what it judges; a test holds the two together.
+"""
 
 from __future__ import annotations
 
@@ -10,7 +14,6 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.chain import Chain
 from linear_ik.element import Element, check_number
 from linear_ik.errors import ElementError, SettingsError
 
@@ -104,7 +107,13 @@ def bend_element(
     """
     angles = _joint_angles(element, bends, joint_angles_rad)
     q = angles[:, ::-1].ravel()
-    T = Chain.of(element).segment_poses(q)
+    turns = _rotations(angles)
+    T = np.tile(np.eye(4), (element.segments, 1, 1))
+    T[0, :3, :3] = turns[0]
+    for k in range(1, element.segments):
+        before = T[k - 1, :3]
+        T[k, :3, :3] = before[:, :3] @ turns[k]
+        T[k, :3, 3] = before[:, 3] + element.segment_length_m * before[:, 2]
     base = element.placement.T_world_element @ _rigid(displacement)
     nodes = np.vstack([T[:, :3, 3], T[-1, :3, 3] + element.segment_length_m * T[-1, :3, 2]])
     return BentElement(element, angles, q, base, T, nodes @ base[:3, :3].T + base[:3, 3])
@@ -120,18 +129,9 @@ def rigid_motion(translation_m: Sequence[float] = (0, 0, 0), rotation_deg: Seque
     Raises:
         SettingsError: not three finite numbers each.
     """
-    values = []
-    for name, value in (("translation_m", translation_m), ("rotation_deg", rotation_deg)):
-        vector = check_array(name, value, (3,))
-        values.append(vector)
-    (cx, cy, cz), (sx, sy, sz) = np.cos(np.radians(values[1])), np.sin(np.radians(values[1]))
     T = np.eye(4)
-    T[:3, :3] = (
-        np.array([[cz, -sz, 0], [sz, cz, 0], [0, 0, 1]])
-        @ np.array([[cy, 0, sy], [0, 1, 0], [-sy, 0, cy]])
-        @ np.array([[1, 0, 0], [0, cx, -sx], [0, sx, cx]])
-    )
-    T[:3, 3] = values[0]
+    T[:3, :3] = _rotations(np.radians(check_array("rotation_deg", rotation_deg, (3,)))[None])[0]
+    T[:3, 3] = check_array("translation_m", translation_m, (3,))
     return T
 
 
@@ -189,6 +189,18 @@ def _joint_angles(element: Element, bends: Sequence[Bend | str], joint_angles_ra
             f"up to {limit:g} degrees each way, the element's joint_limit_deg",
         )
     return np.clip(angles, -element.joint_limit_rad, element.joint_limit_rad)
+
+
+def _rotations(angles: Array) -> Array:
+    """Return R = Rz Ry Rx [N][3][3] of angles [N][3] about x, y, z."""
+    (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
+    return np.array(
+        [
+            [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
+            [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
+            [-sy, cy * sx, cy * cx],
+        ]
+    ).transpose(2, 0, 1)
 
 
 def _rigid(displacement: npt.ArrayLike | None) -> Array:

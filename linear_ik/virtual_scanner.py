@@ -8,7 +8,7 @@ element's own frame; the scan's coordinates come back in double precision at the
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -165,7 +165,7 @@ class _Scene:
     def __init__(self, body: list[Mesh], others: list[Mesh]) -> None:
         import open3d as o3d
 
-        self._tensor: Callable[..., Any] = o3d.core.Tensor
+        self._tensor = o3d.core.Tensor.from_numpy
         self._scene: Any = o3d.t.geometry.RaycastingScene()
         self._segments = len(body)
         for mesh in (*body, *others):
