@@ -14,7 +14,7 @@ import pytest
 ROOT = Path(__file__).parent.parent
 ELEMENT = """
 name: wheel test
-profile: {type: i_shape, overall_width: 0.2, overall_depth: 0.4, web_thickness: 0.01, flange_thickness: 0.02}
+profile: {type: rectangle, x_dim: 0.2, y_dim: 0.4}
 length: 3.0
 segments: 4
 """
