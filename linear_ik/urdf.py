@@ -43,11 +43,10 @@ def generate_urdf(element: Element, mesh_folder: str | None = None) -> str:
     Returns:
         XML text without a declaration, which is UTF-8 by definition.
     """
-    width = max(2, len(str(element.segments)))
     limit_x, limit_y, limit_z = (float(v) for v in element.joint_limit_rad)
     return _template().render(
         name=_printable(element.name),
-        segments=[f"segment_{k:0{width}d}" for k in range(1, element.segments + 1)],
+        segments=segment_names(element.segments),
         length_m=element.segment_length_m,
         limit_rad={"x": limit_x, "y": limit_y, "z": limit_z},
         effort_nm=EFFORT_NM,
@@ -86,6 +85,17 @@ def write_urdf(element: Element, path: str | os.PathLike[str]) -> list[Path]:
         write_atomically(mesh_path, content)
         return [write_atomically(target, generate_urdf(element, folder)), mesh_path]
     return [write_atomically(target, generate_urdf(element))]
+
+
+def segment_names(segments: int) -> list[str]:
+    """Return the links' names in chain order, which is also their sorted order."""
+    width = max(2, len(str(segments)))
+    return [f"segment_{k:0{width}d}" for k in range(1, segments + 1)]
+
+
+def joint_names(segments: int) -> list[str]:
+    """Return the joints' names in the order of Pinocchio's q: z, y, x of each segment."""
+    return [f"{name}_{axis}" for name in segment_names(segments) for axis in "zyx"]
 
 
 def needs_mesh(profile: Profile) -> bool:
