@@ -88,18 +88,19 @@ class Viewer:
             self._look_at(points.min(axis=0), points.max(axis=0), np.array([1.0, 1.0, 0.0]))
         local = self._local(points)
         colours = np.tile(SCANNED, (len(points), 1))
+        on_element = np.ones(len(points), dtype=bool)
         text = f"scanned: {len(scan):,} points"
         if distances_m is not None:
             share = np.asarray(distances_m)[rows] / largest_m
-            near = share < 10
-            colours[near] = np.column_stack(
-                [np.interp(share[near], COLOUR_STOPS, c) for c in zip(*COLOURS, strict=True)]
-            )
+            on_element = share < 10
+            mixed = [np.interp(share[on_element], COLOUR_STOPS, c) for c in zip(*COLOURS, strict=True)]
+            colours[on_element] = np.column_stack(mixed)
             text += f"; blue on the fitted surface, red {1000 * largest_m:g} mm off, grey elsewhere"
         extent = self._element.length_m if self._element else float(np.ptp(local, axis=0).max())
         cloud = PointCloud(local.T.astype(np.float32), colours.T.astype(np.float32), size=max(extent / 400, 1e-4))
         self._vis["scan"].set_object(cloud)
         self._caption("#2961f2" if distances_m is not None else "#bfc7d1", text)
+        self._turn_to_seen_side(points[on_element])
 
     def show_fit(self, element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike) -> None:
         """Show an element bent.
@@ -250,6 +251,21 @@ class Viewer:
         camera.set_property("far", extent * 100)
         floor = self._local(np.array([*(start + end)[:2] / 2, min(start[2], end[2])]))
         self._vis["/Grid"].set_transform(_transform(np.eye(3), floor))
+
+    def _turn_to_seen_side(self, points: Array) -> None:
+        """Turn the camera to the side of the member that most of its points are on."""
+        if self._element is None or not len(points):
+            return
+        T, half = self._element.placement.T_world_element, self._element.length_m / 2
+        inside = (points - T[:3, 3]) @ T[:3, :3]
+        reach = 2 * np.linalg.norm(self._element.profile.outline(), axis=1).max()
+        seen = inside[np.linalg.norm(inside[:, :2], axis=1) < reach + half / 5, :2].mean(axis=0)
+        if not np.linalg.norm(seen) > 0.01 * reach:
+            return
+        # A little past it, so that the neighbouring face shows too.
+        x, y = seen / np.linalg.norm(seen)
+        side = T[:3, :2] @ (np.array([x, y]) + 0.5 * np.array([-y, x]))
+        self._look_at(T[:3, 3], T[:3, 3] + 2 * half * T[:3, 2], side)
 
     def _caption(self, colour: str | None, text: str) -> None:
         kind = text.split(":")[0]

@@ -13,6 +13,7 @@ from typing import Any
 import typer
 import typer.core
 
+from linear_ik.cli.quick_open3d import defer_plots
 from linear_ik.errors import LinearIkError
 
 BAD_INPUT = 2
@@ -40,6 +41,7 @@ class Verb(typer.core.TyperCommand):
 
     def invoke(self, ctx: Any) -> int:
         """Run the verb, then print what was asked for."""
+        defer_plots()
         with stdout_aside():
             outcome = super().invoke(ctx)
         if not isinstance(outcome, Outcome):

@@ -1,0 +1,292 @@
+import asyncio
+import math
+import shutil
+import socket
+import subprocess
+import sys
+import urllib.error
+import urllib.request
+from urllib.parse import urlsplit
+
+import numpy as np
+import pytest
+import umsgpack
+from PIL import Image
+
+from linear_ik.chain import Chain
+from linear_ik.element import Element, Placement
+from linear_ik.errors import OutputError
+from linear_ik.profile import Circle, IShape, RectangleHollow
+from linear_ik.result import FitResult, IterationRecord, SegmentResult
+from linear_ik.scan import Scan
+from linear_ik.settings import FitSettings
+from linear_ik.simulate import simulate
+from linear_ik.viewer import MOST_POINTS, Viewer
+
+UTM = (512345.678, 5403210.123, 412.5)
+CHROMIUM = next(
+    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
+)
+
+
+def column(location=UTM, profile=None, segments=10):
+    profile = profile or IShape(0.2, 0.2, 0.009, 0.015, 0.018)
+    return Element("H <column>", profile, 3.0, segments, Placement(location, axis=(0.1, 0.0, 1.0)))
+
+
+def fitted(element, scan, status="converged"):
+    n = element.segments
+    history = tuple(
+        IterationRecord(i + 1, "full", 900, 0.001, math.inf, 0.0, 0.1, scan.q * i / 4, scan.base_pose) for i in range(5)
+    )
+    return FitResult(
+        element=element,
+        status=status,
+        reasons=("A <reason>.",),
+        nodes_m=scan.nodes_m,
+        nodes_covariance_m2=np.zeros((n + 1, 3, 3)),
+        q=scan.q,
+        joint_angles_rad=scan.joint_angles_rad,
+        joint_limits_rad=np.zeros((n, 3, 2)),
+        base_pose=scan.base_pose,
+        rmse_m=0.007,
+        surface_rmse_m=0.001,
+        range_noise_m=0.001,
+        segments=tuple(SegmentResult("measured", 100, 1.0, 0.001) for _ in range(n)),
+        history=history,
+        settings=FitSettings(),
+    )
+
+
+def commands(viewer):
+    """What a browser is told: (path below /meshcat, type) -> command."""
+    decoded = [umsgpack.unpackb(data) for data in viewer.scene.commands()]
+    return {(c["path"].replace("/meshcat/", ""), c["type"] + c.get("property", "")): c for c in decoded}
+
+
+def matrix(viewer, path):
+    return np.array(commands(viewer)[path, "set_transform"]["matrix"]).reshape(4, 4).T
+
+
+def points_of(viewer):
+    geometry = commands(viewer)["scan", "set_object"]["object"]["geometries"][0]["data"]["attributes"]
+    return [np.frombuffer(geometry[name]["array"].data, np.float32).reshape(-1, 3) for name in ("position", "color")]
+
+
+def test_fitted_segments_stand_where_the_chain_puts_them():
+    element = column()
+    scan = simulate(element, bends=["4:y:20", "8:x:-10"], points=1000)
+    viewer = Viewer()
+    viewer.show_design(element)
+    viewer.show_fit(element, scan.q, scan.base_pose)
+    T = np.array([matrix(viewer, f"fitted/{k + 1}") for k in range(10)])
+    designed = matrix(viewer, "design")
+    # About a local origin, yet the same relative to each other to the last micrometre.
+    assert np.abs(T[:, :3, 3]).max() < 10
+    np.testing.assert_allclose(T[:, :3, 3] - designed[:3, 3], scan.nodes_m[:-1] - np.array(UTM), atol=1e-7)
+    np.testing.assert_allclose(designed[:3, :3], element.placement.T_world_element[:3, :3], atol=1e-12)
+    assert np.abs(T[9, :3, :3] - T[0, :3, :3]).max() > 0.1
+
+
+def test_each_iteration_moves_the_segments():
+    element = column(segments=4)
+    base = element.placement.T_world_element
+    viewer = Viewer()
+    viewer.on_iteration(IterationRecord(1, "full", 0, 0.0, 1.0, 0.0, 0.0, np.zeros(12), base))
+    assert not [key for key in commands(viewer) if key[0].startswith("fitted")]
+    viewer.show_design(element)
+    tips = []
+    for i in range(3):
+        q = np.zeros(12)
+        q[4] = 0.2 * i
+        viewer.on_iteration(IterationRecord(i + 1, "full", 0, 0.0, 1.0, 0.0, 0.0, q, base))
+        tips.append(matrix(viewer, "fitted/4")[:3, 3])
+        node = Chain.of(element).nodes(q)[3]
+        np.testing.assert_allclose(tips[-1] - matrix(viewer, "design")[:3, 3], base[:3, :3] @ node, atol=1e-7)
+    assert np.linalg.norm(tips[2] - tips[1]) > 0.05
+    assert len([key for key in commands(viewer) if key[0].startswith("fitted") and key[1] == "set_object"]) == 4
+
+
+def test_slowed_iterations_end(monkeypatch):
+    slept = []
+    monkeypatch.setattr("linear_ik.viewer.time.sleep", slept.append)
+    element = column(segments=2)
+    viewer = Viewer()
+    viewer.show_design(element)
+    record = IterationRecord(1, "full", 0, 0.0, 1.0, 0.0, 0.0, np.zeros(6), element.placement.T_world_element)
+    viewer.on_iteration(record)
+    assert not slept
+    viewer.slow_down(pause_s=0.1, total_s=0.25)
+    for _ in range(10):
+        viewer.on_iteration(record)
+    assert sum(slept) == pytest.approx(0.25) and max(slept) <= 0.1
+
+
+def test_scan_is_coloured_by_its_distance_to_the_fit():
+    element = column()
+    scan = simulate(element, bends=["6:y:15"], points=4000, noise_m=0.0)
+    wall = scan.nodes_m.mean(axis=0) + [0.5, 0.0, 0.0] + np.random.default_rng(0).normal(size=(500, 3)) * [0, 0.1, 0.5]
+    off = scan.points[scan.segment == 2] + np.array([0.0, 0.012, 0.0])
+    viewer = Viewer()
+    viewer.show_result(fitted(element, scan), Scan(np.concatenate([scan.points, off, wall])))
+    points, colours = points_of(viewer)
+    assert np.abs(points).max() < 10
+    blue, grey = np.array([0.16, 0.38, 0.95]), np.array([0.75, 0.78, 0.82])
+    on_surface = np.abs(colours[:4000] - blue).max(axis=1) < 0.05
+    assert on_surface.mean() > 0.97
+    assert (np.abs(colours[4000:-500] - blue).max(axis=1) > 0.3).mean() > 0.3
+    assert np.abs(colours[-500:] - grey).max() < 1e-6
+
+
+def test_an_element_that_was_not_found_is_not_drawn_as_fitted():
+    element = column(segments=3)
+    scan = simulate(element, points=300)
+    viewer = Viewer()
+    viewer.show_result(fitted(element, scan, "not_scanned"), scan)
+    assert not [key for key in commands(viewer) if key[0].startswith("fitted")]
+    assert any("not_scanned" in text for _, text in viewer.scene.captions)
+
+
+def test_a_large_scan_keeps_the_element():
+    element = column(profile=Circle(0.05))
+    member = simulate(element, points=5000).points
+    site = np.array(UTM) + np.random.default_rng(1).uniform(-50, 50, size=(400_000, 3))
+    viewer = Viewer()
+    viewer.show_design(element)
+    viewer.show_scan(Scan(np.concatenate([member, site])))
+    points, _ = points_of(viewer)
+    assert len(points) <= MOST_POINTS
+    local = matrix(viewer, "design")[:3, :3].T @ (points.T - matrix(viewer, "design")[:3, 3:])
+    assert (np.hypot(local[0], local[1]) < 0.06).sum() > 4900
+
+
+def test_a_large_scan_of_nothing_known():
+    points = np.array(UTM) + np.random.default_rng(1).uniform(-5, 5, size=(MOST_POINTS + 1000, 3))
+    viewer = Viewer()
+    viewer.show_scan(Scan(points))
+    shown, _ = points_of(viewer)
+    assert len(shown) == MOST_POINTS and np.abs(shown).max() < 6
+
+
+def test_the_fit_alone_is_about_a_local_origin():
+    element = column(segments=5)
+    scan = simulate(element, points=100)
+    viewer = Viewer()
+    viewer.show_fit(element, scan.q, scan.base_pose)
+    assert np.abs(matrix(viewer, "fitted/5")[:3, 3]).max() < 4
+
+
+def test_the_camera_looks_from_the_scanned_side():
+    element = column(location=(0, 0, 0))
+    for missing, sign in ((("+x",), -1), (("-x",), 1)):
+        scan = simulate(element, points=2000, missing=missing)
+        viewer = Viewer()
+        viewer.show_design(element)
+        viewer.show_scan(Scan(scan.points))
+        eye = commands(viewer)["/Cameras/default/rotated/<object>", "set_propertyposition"]["value"]
+        assert sign * eye[0] > 0.5
+
+
+def test_the_page_needs_nothing_else_and_escapes_names(tmp_path):
+    element = column()
+    viewer = Viewer(element.name)
+    viewer.show_result(fitted(element, simulate(element, points=100)))
+    page = viewer.static_html(tmp_path / "new" / "page.html").read_text(encoding="utf-8")
+    assert "<title>H &lt;column&gt;</title>" in page and "A &lt;reason&gt;." in page
+    assert "<column>" not in page.replace("&lt;column&gt;", "")
+    markup = page.replace(viewer.scene._page(""), "")
+    for outside in ("<script src", "<link", "@import", 'fetch("http'):
+        assert outside not in markup
+    with pytest.raises(OutputError):
+        viewer.static_html(tmp_path)
+
+
+@pytest.fixture
+def served():
+    viewer = Viewer("served")
+    viewer.show_design(column(segments=2))
+    url = viewer.serve()
+    yield viewer, url
+    viewer.close()
+
+
+def test_served_on_the_loopback_address_only(served):
+    viewer, url = served
+    port = urlsplit(url).port
+    assert url.startswith("http://127.0.0.1:") and viewer.serve() == url
+    page = urllib.request.urlopen(url, timeout=10).read().decode()
+    assert "<title>served</title>" in page and "/scene" in page
+    # A server on every interface answers on the loopback network's other addresses too.
+    with pytest.raises(OSError), socket.create_connection(("127.0.0.2", port), timeout=2):
+        pass
+
+
+def test_another_host_name_is_refused(served):
+    _, url = served
+    request = urllib.request.Request(url, headers={"Host": "evil.example"})
+    with pytest.raises(urllib.error.HTTPError) as caught:
+        urllib.request.urlopen(request, timeout=10)
+    assert caught.value.code == 404
+
+
+def test_a_browser_is_told_the_scene_and_every_change(served):
+    from tornado.websocket import websocket_connect
+
+    viewer, url = served
+
+    async def follow():
+        connection = await websocket_connect(url.replace("http", "ws") + "scene")
+        first = [await asyncio.wait_for(connection.read_message(), 5) for _ in viewer.scene.commands()]
+        assert viewer.wait_for_browser(5)
+        viewer._vis["fitted/1"].set_transform(np.eye(4))
+        change = umsgpack.unpackb(await asyncio.wait_for(connection.read_message(), 5))
+        connection.close()
+        return first, change
+
+    first, change = asyncio.run(follow())
+    assert first == viewer.scene.commands()[: len(first)]
+    assert change["path"] == "/meshcat/fitted/1"
+
+
+def test_a_taken_port_and_closing_twice():
+    with socket.socket() as taken:
+        taken.bind(("127.0.0.1", 0))
+        taken.listen()
+        viewer = Viewer()
+        with pytest.raises(OSError):
+            viewer.serve(taken.getsockname()[1])
+    viewer.close()
+    url = viewer.serve()
+    assert not viewer.wait_for_browser(0.1)
+    viewer.close()
+    viewer.close()
+    with pytest.raises(urllib.error.URLError):
+        urllib.request.urlopen(url, timeout=2)
+
+
+def test_importing_and_showing_prints_nothing():
+    code = "from linear_ik import *; v = Viewer(); v.serve(); v.close()"
+    done = subprocess.run([sys.executable, "-c", code], capture_output=True, text=True, timeout=60)
+    assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (Debian: apt-get install chromium)")
+def test_the_page_renders_in_a_browser(tmp_path):
+    element = column(profile=RectangleHollow(0.3, 0.4, 0.01))
+    scan = simulate(element, bends=["3:y:10", "4:y:10"], points=3000)
+    viewer = Viewer()
+    viewer.show_result(fitted(element, scan), scan)
+    page = viewer.static_html(tmp_path / "page.html")
+    shot = tmp_path / "shot.png"
+    switches = (
+        "--headless --no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+        "--disable-background-networking --no-first-run --disable-sync --disable-component-update --disable-quic "
+        "--virtual-time-budget=8000 --window-size=800,600"
+    ).split()
+    command = [CHROMIUM, *switches, f"--user-data-dir={tmp_path / 'profile'}", f"--screenshot={shot}", page.as_uri()]
+    subprocess.run(command, capture_output=True, timeout=120, check=True)
+    red, green, blue = np.asarray(Image.open(shot).convert("RGB")).astype(int).transpose(2, 0, 1)
+    # The fitted member is green, what of the design it has left behind is nearly white.
+    assert ((green > red + 25) & (green > blue + 15)).sum() > 2000
+    grey = np.abs(red - green) + np.abs(green - blue)
+    assert ((grey < 40) & (green > 145))[120:].sum() > 300
