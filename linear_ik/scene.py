@@ -54,6 +54,18 @@ def segment_meshes(bent: BentElement) -> list[Mesh]:
     return meshes
 
 
+def is_inside(bent: BentElement, point: Array, skin_m: float = 1e-3) -> bool:
+    """Return whether a point [3] in the base's frame is in the member's material, or within ``skin_m`` of it."""
+    import shapely
+
+    hole = bent.element.profile.hole()
+    section = shapely.Polygon(bent.element.profile.outline(), [] if hole is None else [hole])
+    T = bent.T_base_segment
+    local = np.einsum("kij,ki->kj", T[:, :3, :3], point - T[:, :3, 3])
+    along = (local[:, 2] > -skin_m) & (local[:, 2] < bent.element.segment_length_m + skin_m)
+    return bool((along & (shapely.distance(section, shapely.points(local[:, :2])) < skin_m)).any())
+
+
 def element_mesh(
     element: Element,
     bends: Sequence[Bend | str] = (),

@@ -18,7 +18,7 @@ import numpy.typing as npt
 from linear_ik.bending import Bend, BentElement, bend_element, check_array, check_setting, check_whole
 from linear_ik.element import Element
 from linear_ik.errors import SettingsError
-from linear_ik.scene import Mesh, as_mesh, segment_meshes
+from linear_ik.scene import Mesh, as_mesh, is_inside, segment_meshes
 from linear_ik.simulate import MIXED_PIXEL, MOST_POINTS, OTHER_OBJECT, SimulatedScan
 
 Array = npt.NDArray[np.float64]
@@ -116,8 +116,12 @@ def scan_virtually(
     R, t = bent.base_pose[:3, :3], bent.base_pose[:3, 3]
     body = segment_meshes(bent)
     clutter = [as_mesh(f"others[{i}]", mesh) for i, mesh in enumerate(others)]
+    local_places = (places - t) @ R
+    for place, station in zip(places, local_places, strict=True):
+        if is_inside(bent, station):
+            raise SettingsError("stations", f"{place.tolist()} is inside the element", "positions outside its body")
     scene = _Scene(body, [Mesh((mesh.vertices - t) @ R, mesh.triangles) for mesh in clutter])
-    windows = [_window(station, bent, body, margin_m) for station in (places - t) @ R]
+    windows = [_window(station, bent, body, margin_m) for station in local_places]
     if angular_step_deg is not None:
         step = np.radians(check_setting("angular_step_deg", angular_step_deg, 1e-4, 10.0))
     else:
@@ -204,9 +208,7 @@ def _window(station: Array, bent: BentElement, body: list[Mesh], margin_m: float
     inner = [mesh.vertices.reshape(2, -1, 3) for mesh in body]
     between = [a + f * (b - a) for a, b in inner for f in np.linspace(0, 1, 9)[1:-1]]
     offsets = np.concatenate([corners, *between]) - station
-    reach = np.linalg.norm(offsets, axis=1)
-    if reach.min() < 1e-3:
-        raise SettingsError("stations", "a station on the element's surface", "positions away from the element")
+    reach = np.maximum(np.linalg.norm(offsets, axis=1), 1e-9)
     towards = (offsets / reach[:, None]).mean(axis=0)
     length = np.linalg.norm(towards)
     x = towards / length if length > 1e-6 else np.array([1.0, 0.0, 0.0])
@@ -249,13 +251,21 @@ def _edges(distance: Array, background_m: float) -> tuple[npt.NDArray[np.intp], 
     Returns:
         Indices of rays with a neighbour farther away, and the ranges [E][A] there.
     """
-    padded = np.pad(distance, 1, mode="edge")
-    around = [padded[:-2, 1:-1], padded[2:, 1:-1], padded[1:-1, :-2], padded[1:-1, 2:]]
-    behind = np.max([np.where(np.isfinite(a), a, -np.inf) for a in around], axis=0)
-    nothing = np.any([np.isinf(a) for a in around], axis=0)
+    padded = np.pad(distance, 2, mode="edge")
+    rows, columns = distance.shape
+    behind = np.full_like(distance, -np.inf)
+    silhouette = np.zeros(distance.shape, dtype=bool)
     with np.errstate(invalid="ignore"):
-        jump = behind - distance > EDGE_M
+        for down, right in ((1, 0), (-1, 0), (0, 1), (0, -1)):
+            opposite, near, next_to_it = (
+                padded[2 + n * down : 2 + n * down + rows, 2 + n * right : 2 + n * right + columns] for n in (-1, 1, 2)
+            )
+            # A face seen at a grazing angle falls away as steeply before or after: no edge.
+            slopes = np.abs([distance - opposite, next_to_it - near])
+            slope = np.where(np.isfinite(slopes), slopes, 0.0).max(axis=0)
+            jump = np.isfinite(near) & (near - distance > EDGE_M + 2 * slope)
+            behind = np.where(jump, np.maximum(behind, near), behind)
+            silhouette |= np.isinf(near)
     if background_m:
-        behind = np.where(jump | ~nothing, behind, distance + background_m)
-        jump |= nothing
-    return np.flatnonzero(jump & np.isfinite(distance)), behind
+        behind = np.where(silhouette & np.isinf(behind), distance + background_m, behind)
+    return np.flatnonzero(np.isfinite(behind) & np.isfinite(distance)), behind
