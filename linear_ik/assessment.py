@@ -12,6 +12,7 @@ from linear_ik.result import SegmentResult, SegmentStatus, Status
 from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 COVERAGE_RADIUS = 0.02
 LEAST_POINTS = 6
@@ -20,25 +21,34 @@ LEAST_SCANNED = 0.1
 MOST_SPREAD_M = 0.010
 
 
-def assess_segments(problem: Problem, pose: Pose, pairs: Correspondences, weights: Array) -> tuple[SegmentResult, ...]:
-    """Return status, points, coverage and residual of each segment."""
-    used = weights > 0
-    segment = pairs.segment
-    count = np.bincount(segment[used], minlength=pose.n_segments)
-    total = np.bincount(segment, weights=weights, minlength=pose.n_segments)
-    squares = np.bincount(segment, weights=weights * pairs.residual_m**2, minlength=pose.n_segments)
+def assess_segments(
+    problem: Problem, pose: Pose, pairs: Correspondences, used: Mask, foreign: Mask
+) -> tuple[SegmentResult, ...]:
+    """Return status, points, coverage and residual of each segment.
+
+    Args:
+        problem: what was fitted.
+        pose: the fitted chain.
+        pairs: matches of all points.
+        used: [P] the matches on the surface.
+        foreign: [N] segments whose points were ignored; neighbours and priors fix them.
+    """
+    segment = pairs.segment[used]
+    count = np.bincount(segment, minlength=pose.n_segments)
+    squares = np.bincount(segment, pairs.residual_m[used] ** 2, minlength=pose.n_segments)
     covered = coverage(problem, pose, pairs, used)
     seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE)
-    last = int(np.flatnonzero(seen)[-1]) if seen.any() else -1
+    seen &= ~foreign
+    last = int(np.flatnonzero(seen | foreign)[-1]) if seen.any() else -1
     out = []
     for k in range(pose.n_segments):
-        status: SegmentStatus = "measured" if seen[k] else ("inferred" if k < last else "not_scanned")
-        rmse = float(np.sqrt(squares[k] / total[k])) if total[k] > 0 else float("nan")
+        status: SegmentStatus = "measured" if seen[k] else ("inferred" if k <= last else "not_scanned")
+        rmse = float(np.sqrt(squares[k] / count[k])) if count[k] else float("nan")
         out.append(SegmentResult(status, int(count[k]), float(covered[k]), rmse))
     return tuple(out)
 
 
-def coverage(problem: Problem, pose: Pose, pairs: Correspondences, used: npt.NDArray[np.bool_]) -> Array:
+def coverage(problem: Problem, pose: Pose, pairs: Correspondences, used: Mask) -> Array:
     """Return the share [N] of each segment's surface near a matched point.
 
     Near is within 2 % of the element's length (design contract).
@@ -73,7 +83,7 @@ def surface_samples(surface: Surface, length_m: float, spacing_m: float) -> Arra
     return np.column_stack([np.repeat(xy, along, axis=0), np.tile(z, around)])
 
 
-def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: npt.NDArray[np.bool_], seed: int) -> float:
+def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: Mask, seed: int) -> float:
     """Return the paper's RMSE: scan points to the nearest of a cloud sampled on the model.
 
     The model's cloud has as many points as were matched (at most 10,000), so the figure
@@ -100,7 +110,7 @@ def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: npt.N
 
 
 def judge(
-    problem: Problem, x: Array, segments: tuple[SegmentResult, ...], node_sd_m: Array, noise_m: float, converged: bool
+    problem: Problem, x: Array, segments: tuple[SegmentResult, ...], sd_m: tuple[Array, Array], noise_m: float, converged: bool
 ) -> tuple[Status, tuple[str, ...]]:
     """Return the status of the fit and the sentences that explain it.
 
@@ -108,8 +118,7 @@ def judge(
         problem: what was fitted.
         x: [6 + 3N] where it ended.
         segments: their assessment.
-        node_sd_m: [N+1] largest standard deviation of each node, in any direction across
-            the axis.
+        sd_m: [N+1] largest standard deviation of each node across the axis, and along it.
         noise_m: standard deviation of the matched points.
         converged: whether the last stage stopped by itself.
     """
@@ -133,12 +142,35 @@ def judge(
         reasons.append(f"joint limits active at {_segments(joints)}: the element bends more than it may")
     if at_limit[:BASE].any():
         reasons.append("the start has moved as far as placement_tolerance allows")
-    if node_sd_m.max() > MOST_SPREAD_M:
-        worst = int(node_sd_m.argmax())
-        reasons.append(f"the visible faces do not show all bending: node {worst} is known to {node_sd_m[worst] * 2e3:.0f} mm only (95 %)")
+    across_m, along_m = sd_m
+    if across_m.max() > MOST_SPREAD_M:
+        worst = int(across_m.argmax())
+        reasons.append(
+            f"the visible faces do not show all bending: node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)"
+        )
+    status: Status = "uncertain" if reasons else "converged"
+    if along_m.max() > MOST_SPREAD_M:
+        reasons.append(
+            "the scan does not show where the element lies along its axis: as designed, "
+            f"to {along_m.max() * 2e3:.0f} mm (95 %)"
+        )
     if not converged:
         return "max_iterations", ("the iterations ran out before the fit settled", *reasons)
-    return ("uncertain" if reasons else "converged"), tuple(reasons)
+    return status, tuple(reasons)
+
+
+def spread(pose: Pose, node_covariance_m2: Array) -> tuple[Array, Array]:
+    """Return the largest standard deviation [N+1] of each node across the axis, and the one along it."""
+    axis = np.concatenate([pose.rotations[:, :, 2], pose.rotations[-1:, :, 2]])
+    along = np.einsum("ki,kij,kj->k", axis, node_covariance_m2, axis)
+    P = np.eye(3) - axis[:, :, None] * axis[:, None, :]
+    across = np.linalg.eigvalsh(P @ node_covariance_m2 @ P)[:, -1]
+    return np.sqrt(np.maximum(across, 0.0)), np.sqrt(np.maximum(along, 0.0))
+
+
+def listed(which: Mask) -> str:
+    """Return "segments 2, 4 to 6" of a mask [N]."""
+    return _segments([int(k) + 1 for k in np.flatnonzero(which)])
 
 
 def _segments(which: list[int]) -> str:

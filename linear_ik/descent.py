@@ -43,6 +43,7 @@ class Stage:
         stop_m: converged when no node moves farther.
         segments: fit only the first so many segments.
         variables: [n] the variables that move; all movable ones when None.
+        ignored: [N] segments whose matches have no weight, or None.
     """
 
     phase: str
@@ -53,6 +54,7 @@ class Stage:
     stop_m: float = 1e-5
     segments: int | None = None
     variables: npt.NDArray[np.intp] | None = None
+    ignored: npt.NDArray[np.bool_] | None = None
 
 
 @dataclass(eq=False)
@@ -94,6 +96,8 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
         scale_m = stage.scales_m[min(i, len(stage.scales_m) - 1)]
         pairs = problem.matcher.match(pose, stage.points, stage.segments)
         weights = robust_weights(pairs.distance_m, scale_m)
+        if stage.ignored is not None:
+            weights[stage.ignored[pairs.segment]] = 0.0
         objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings)
         objective = Objective(objective.H[np.ix_(moving, moving)], objective.c[moving])
         objective += damping(len(moving), lam.weight * objective.mean_information() + 1e-12)

@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from threadpoolctl import threadpool_limits
 
-from linear_ik.assessment import assess_segments, cloud_rmse, judge
+from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
 from linear_ik.correspondence import Correspondences
 from linear_ik.descent import Descended, Log, Stage, descend, robust_weights, step_objective
@@ -19,6 +19,7 @@ from linear_ik.problem import Problem, thinned
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
+from linear_ik.settlement import ROBUST_SCALE, Settled, settle
 from linear_ik.startup import Startup
 from linear_ik.surface import Surface
 from linear_ik.uncertainty import covariance, noise_of, point_noise
@@ -26,8 +27,7 @@ from linear_ik.uncertainty import covariance, noise_of, point_noise
 Array = npt.NDArray[np.float64]
 
 COARSE_POINTS_A_SEGMENT = 100
-SEARCH_POINTS_A_SEGMENT = 400
-ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
+SEARCH_POINTS_A_SEGMENT = 300
 
 
 def fit(
@@ -78,11 +78,9 @@ def _fit(
         found = searched(problem, found, settings, solver, log, rng)
         clock.lap("search")
 
-    noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
-    scales = (ROBUST_SCALE * noise_m,)
-    found = descend(problem, found.x, Stage("full", problem.points, scales, noise_m, 12, 2e-5), settings, solver, log)
+    settled = settle(problem, found, settings, solver, log)
     clock.lap("full")
-    return conclude(problem, found, noise_m, settings, log, clock)
+    return conclude(settled, settings, log, clock)
 
 
 def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver, log: Log) -> Descended:
@@ -135,18 +133,21 @@ def searched(
     return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)
 
 
-def conclude(
-    problem: Problem, found: Descended, noise_m: float, settings: FitSettings, log: Log, clock: Clock
-) -> FitResult:
+def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     """Return the result: nodes and covariance in the scan's coordinates, and the verdict."""
+    problem, found, noise_m = settled.problem, settled.found, settled.noise_m
     element, chain, pose, pairs = problem.element, problem.chain, found.pose, found.pairs
-    used = found.weights > 0
+    used = settled.matched
     objective = step_objective(problem, found.x, pose, pairs, found.weights, noise_m, settings)
     _, node_covariance = covariance(problem, pose, objective, noise_m)
-    segments = assess_segments(problem, pose, pairs, found.weights)
-    across = np.linalg.eigvalsh(node_covariance)[:, -1]
-    status, reasons = judge(problem, found.x, segments, np.sqrt(np.maximum(across, 0.0)), noise_m, found.converged)
-    weighted = float(found.weights @ pairs.residual_m**2 / max(float(found.weights.sum()), 1e-12))
+    segments = assess_segments(problem, pose, pairs, used, settled.foreign)
+    status, reasons = judge(problem, found.x, segments, spread(pose, node_covariance), noise_m, found.converged)
+    if settled.foreign.any() and status != "not_scanned":
+        reasons += (f"{listed(settled.foreign)}: the points there lie on something else than the designed surface",)
+    if settled.misfit is not None:
+        if not settled.misfit.plausible:
+            status = "uncertain" if status == "converged" else status
+        reasons += (settled.misfit.sentence(Surface.of(element.profile)),)
     rmse_m = cloud_rmse(problem, pose, pairs, used, settings.seed)
     T = element.placement.T_world_element
     R = T[:3, :3]
@@ -162,7 +163,7 @@ def conclude(
         joint_limits_rad=np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)[:, ::-1].copy(),
         base_pose=T @ chain.base_pose(found.x),
         rmse_m=rmse_m,
-        surface_rmse_m=float(np.sqrt(weighted)) if used.any() else float("nan"),
+        surface_rmse_m=float(np.sqrt(np.mean(pairs.residual_m[used] ** 2))) if used.any() else float("nan"),
         range_noise_m=noise_m,
         segments=segments,
         history=tuple(log.records),

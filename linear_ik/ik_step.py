@@ -11,6 +11,7 @@ and makes the limits hold to the last bit.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -21,6 +22,7 @@ from linear_ik.errors import SettingsError, StepError
 from linear_ik.terms.objective import Objective
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
 Solver = Callable[[Objective, Array, Array], Array]
 
 TOLERANCE = 1e-9
@@ -55,7 +57,7 @@ class OsqpStep:
         import osqp
 
         self._osqp = osqp
-        self._n = -1
+        self._workspaces: dict[int, tuple[Any, tuple[Index, Index]]] = {}
 
     def __call__(self, objective: Objective, lower: Array, upper: Array) -> Array:
         """Return the step [n] within the box, exactly.
@@ -76,10 +78,11 @@ class OsqpStep:
         except scipy.linalg.LinAlgError:
             raise StepError("IK step", "H is not positive definite", "damping above 0") from None
         free = scipy.linalg.cho_solve(factor, -c, check_finite=False)
-        self._load(n, H, c, low, high)
+        solver, upper_triangle = self._workspace(n)
+        solver.update(q=c, l=low, u=high, Px=H[upper_triangle])
         start = np.minimum(np.maximum(free, low), high)
-        self._solver.warm_start(x=start, y=-(H @ start + c))
-        solution = self._solver.solve(raise_error=False)
+        solver.warm_start(x=start, y=-(H @ start + c))
+        solution = solver.solve(raise_error=False)
         if solution.info.status_val not in (1, 2):
             raise StepError("IK step", f"OSQP: {solution.info.status}", "a solved quadratic program")
         dx = np.asarray(solution.x)
@@ -87,18 +90,18 @@ class OsqpStep:
             dx = _polished(H, c, low, high, dx, np.asarray(solution.y))
         return np.minimum(np.maximum(dx * scale, lower), upper)
 
-    def _load(self, n: int, H: Array, c: Array, low: Array, high: Array) -> None:
-        if n != self._n:
+    def _workspace(self, n: int) -> tuple[Any, tuple[Index, Index]]:
+        if n not in self._workspaces:
             rows, columns = np.triu_indices(n)
             by_column = np.lexsort((rows, columns))
-            self._upper = rows[by_column], columns[by_column]
-            self._solver = self._osqp.OSQP()
-            self._solver.setup(
-                P=scipy.sparse.csc_matrix((np.ones(len(rows)), self._upper), shape=(n, n)),
-                q=c,
+            upper_triangle = rows[by_column], columns[by_column]
+            solver = self._osqp.OSQP()
+            solver.setup(
+                P=scipy.sparse.csc_matrix((np.ones(len(rows)), upper_triangle), shape=(n, n)),
+                q=np.zeros(n),
                 A=scipy.sparse.identity(n, format="csc"),
-                l=low,
-                u=high,
+                l=np.zeros(n),
+                u=np.zeros(n),
                 verbose=False,
                 eps_abs=TOLERANCE,
                 eps_rel=TOLERANCE,
@@ -108,8 +111,8 @@ class OsqpStep:
                 scaling=0,
                 adaptive_rho=True,
             )
-            self._n = n
-        self._solver.update(q=c, l=low, u=high, Px=H[self._upper])
+            self._workspaces[n] = solver, upper_triangle
+        return self._workspaces[n]
 
 
 def _polished(H: Array, c: Array, low: Array, high: Array, x: Array, y: Array) -> Array:

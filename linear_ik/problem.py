@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +15,7 @@ from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
 
+AXIAL = 2
 BEND_SD_RAD = np.radians(10.0)
 TWIST_SD_RAD = np.radians(5.0)
 FIRST_JOINT_SD_RAD = np.radians(5.0)
@@ -30,8 +31,9 @@ class Problem:
         surface: its faces.
         matcher: finds the face of each point.
         points: [P][3] scan points within the element's reach.
-        variables: [n] which of the chain's variables may move: those with room in their
-            box, less the torsion of a round section, which no point can see.
+        variables: [n] which of the chain's variables move: those with room in their
+            box, less the torsion of a round section, which no point can see, and less the
+            slide along the axis until `released`.
         prior_sd: [6 + 3N] standard deviation of each variable before the scan is seen.
     """
 
@@ -57,11 +59,29 @@ class Problem:
         movable = chain.upper > chain.lower
         if surface.radius_m is not None:
             movable[BASE::3] = False
+        movable[AXIAL] = False
         sd = np.tile([TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD], element.segments + 2)
         sd[BASE : BASE + 3] = FIRST_JOINT_SD_RAD
         # A base that may move is expected anywhere in its box: uniform has this deviation.
         sd[:BASE] = np.maximum(chain.upper[:BASE] / np.sqrt(3.0), 1e-9)
         return cls(element, chain, surface, Matcher(surface, chain.segment_length_m), points, np.flatnonzero(movable), sd)
+
+    @property
+    def may_slide(self) -> bool:
+        """Whether the support lets the element slide along its axis."""
+        return bool(self.chain.upper[AXIAL] > self.chain.lower[AXIAL])
+
+    def released(self) -> Problem:
+        """Return the problem with the slide along the axis free to move."""
+        return replace(self, variables=np.union1d(self.variables, [AXIAL]))
+
+    def expecting(self, prior_sd: Array) -> Problem:
+        """Return the problem under another prior [6 + 3N]."""
+        return replace(self, prior_sd=prior_sd)
+
+    def measuring(self, surface: Surface) -> Problem:
+        """Return the problem with the section as it measures."""
+        return replace(self, surface=surface, matcher=Matcher(surface, self.chain.segment_length_m))
 
     @property
     def straight(self) -> Array:

@@ -29,6 +29,7 @@ WIDE_M, NARROW_M = 0.030, 0.012
 CLUTTER_M = 0.060
 POINTS_A_SEARCH = 600
 CHILDREN = 3
+BEAM = (8, 4, 4, 2)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
 
 
@@ -68,7 +69,7 @@ class Startup:
         beam = [Hypothesis(self.problem.straight, 0.0, None, ())]
         for k in range(self.problem.element.segments):
             children = [child for parent in beam for child in self.extend(parent, k)]
-            width = 1 if not self.floating else (8 if k == 0 else 4)
+            width = BEAM[min(k, len(BEAM) - 1)] if self.floating else 1
             beam = self.best(children, width)
         finished = [self.finish(h.x) for h in beam]
         return max(finished, key=self.score)
@@ -103,7 +104,6 @@ class Startup:
         """Descend on some joints of the first k + 1 segments."""
         rows = [BASE + 3 * j + i for j in joints for i in range(3)]
         if min(joints) < 3:
-            # The slide along the axis is nearly unseen until the element ends.
             rows += [0, 1, 3, 4, 5]
         moving = np.intersect1d(rows, self.problem.variables)
         stage = Stage("search", points, scales_m, self.noise_m, len(scales_m), 1e-4, k + 1, moving)

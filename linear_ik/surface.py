@@ -39,12 +39,26 @@ class Surface:
     @classmethod
     def of(cls, profile: Profile) -> Surface:
         """Return the outer faces of ``profile``."""
-        corners = profile.outline()
+        return cls.of_outline(profile.outline(), profile.radius_m)
+
+    @classmethod
+    def of_outline(cls, corners: Array, radius_m: float | None) -> Surface:
+        """Return the faces of an outline [E][2], counter-clockwise."""
         edges = np.roll(corners, -1, axis=0) - corners
         widths = np.linalg.norm(edges, axis=1)
         tangents = edges / widths[:, None]
         normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
-        return cls(corners, tangents, normals, widths, profile.radius_m)
+        return cls(corners, tangents, normals, widths, radius_m)
+
+    def scaled(self, scale: Array) -> Surface:
+        """Return the faces of the section stretched by ``scale`` [2] along its x and y."""
+        radius = None if self.radius_m is None else self.radius_m * float(scale[0])
+        return self.of_outline(self.corners * scale, radius)
+
+    @property
+    def size_m(self) -> Array:
+        """Width and depth of the bounding box [2]."""
+        return np.asarray(np.ptp(self.corners, axis=0))
 
     @property
     def perimeter_m(self) -> float:

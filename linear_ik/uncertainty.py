@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import Pose
 from linear_ik.correspondence import Correspondences
-from linear_ik.problem import Problem
+from linear_ik.problem import AXIAL, Problem
 from linear_ik.terms.objective import Objective
 
 Array = npt.NDArray[np.float64]
@@ -70,5 +70,7 @@ def covariance(problem: Problem, pose: Pose, objective: Objective, noise_m: floa
     H = objective.H[rows]
     scale = 1.0 / np.sqrt(np.diag(H))
     S[rows] = noise_m**2 * np.linalg.inv(H * scale * scale[:, None]) * scale * scale[:, None]
+    if problem.may_slide and AXIAL not in problem.variables:
+        S[AXIAL, AXIAL] = problem.prior_sd[AXIAL] ** 2
     A = pose.node_jacobians()
     return S, np.einsum("kai,ij,kbj->kab", A, S, A, optimize=True)

@@ -1,0 +1,85 @@
+"""Section check: does the section measure what the design says it does."""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.correspondence import Correspondences
+from linear_ik.surface import Surface
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+BOTH_SIDES_SEEN = 0.25
+LEAST_MISFIT_M = 0.0003
+LARGEST_STRETCH = 0.03
+
+
+@dataclass(frozen=True, eq=False)
+class SectionMisfit:
+    """A section that fits better than the designed one.
+
+    Attributes:
+        scale: [2] stretch along the section's x and y that fits the points.
+        plausible: whether it is the same section, out of its nominal size (up to 3 %).
+    """
+
+    scale: Array
+    plausible: bool
+
+    def sentence(self, designed: Surface) -> str:
+        """Say it in millimetres, against the designed section."""
+        if designed.radius_m is not None:
+            radius = designed.radius_m * 1e3
+            return f"the section's radius measures {radius * self.scale[0]:.1f} mm where {radius:.1f} mm was designed"
+        (w, d), (sx, sy) = designed.size_m * 1e3, self.scale
+        return f"the section measures {w * sx:.1f} x {d * sy:.1f} mm where {w:.1f} x {d:.1f} mm was designed"
+
+
+def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m: float) -> SectionMisfit | None:
+    """Return how the section should be stretched to fit its points, or None where it need not.
+
+    A stretch s moves the face at p by ``n_x x s_x + n_y y s_y``; it is told from a shift
+    of the segment, ``n_x a + n_y b``, only where opposite sides are seen. The residuals
+    are regressed on both, each segment with its own shift; a direction counts where a
+    quarter of its information is left after the shifts have taken theirs.
+
+    Args:
+        surface: the section the points were matched to.
+        pairs: matches.
+        used: [P] the matches on the surface.
+        noise_m: standard deviation of a point.
+    """
+    gradient, local = pairs.gradient[used], pairs.local[used, :2]
+    stretch = gradient * local
+    if surface.radius_m is not None:
+        stretch = stretch.sum(axis=1, keepdims=True)
+    residual = pairs.residual_m[used]
+    ends = np.searchsorted(pairs.segment[used], np.arange(len(pairs.starts)))
+    m = stretch.shape[1]
+    total, left, pull = np.zeros(m), np.zeros((m, m)), np.zeros(m)
+    for start, end in zip(ends[:-1], ends[1:], strict=True):
+        if end - start < 12:
+            continue
+        G, F, r = gradient[start:end], stretch[start:end], residual[start:end]
+        shift = np.linalg.pinv(G)
+        F_left, r_left = F - G @ (shift @ F), r - G @ (shift @ r)
+        total += (F**2).sum(axis=0)
+        left += F_left.T @ F_left
+        pull += F_left.T @ r_left
+    seen = (np.diag(left) > BOTH_SIDES_SEEN * total) & (total > 0)
+    if not seen.any():
+        return None
+    s = np.zeros(m)
+    s[seen] = np.linalg.solve(left[np.ix_(seen, seen)], pull[seen])
+    half = surface.size_m[:m] / 2
+    error = np.zeros(m)
+    error[seen] = noise_m / np.sqrt(np.diag(left)[seen])
+    wrong = (np.abs(s) * half > LEAST_MISFIT_M) & (np.abs(s) > 6.0 * error)
+    if not wrong.any():
+        return None
+    s = np.where(wrong, s, 0.0)
+    return SectionMisfit(1.0 + np.broadcast_to(s, 2).copy(), bool((np.abs(s) <= LARGEST_STRETCH).all()))

@@ -1,0 +1,152 @@
+"""Settlement: from the right basin to the best estimate.
+
+The start-up leaves a chain on the right faces, each joint free to follow what lies near.
+Here the scan says how much its own member bends (the prior's strength, from the
+evidence), whether its slide along the axis is seen at all, and which segments were
+fitted to something else: a flange, a bracket, a notch.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import BASE
+from linear_ik.descent import Descended, Log, Stage, descend, step_objective
+from linear_ik.ik_step import Solver
+from linear_ik.problem import AXIAL, Problem
+from linear_ik.section_check import SectionMisfit, section_misfit
+from linear_ik.settings import FitSettings
+from linear_ik.terms.objective import Objective
+from linear_ik.uncertainty import MAD_TO_SD, covariance, noise_of
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
+MATCHED = 4.0
+EVIDENCE_ROUNDS = 12
+MOST_ROUNDS = 5
+STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
+SLIDE_SEEN_M = 0.003
+FOREIGN_RATIO = 2.0
+FOREIGN_EXCESS_M = 0.0004
+
+
+@dataclass(frozen=True, eq=False)
+class Settled:
+    """A fit on all points.
+
+    Attributes:
+        problem: with the prior, the variables and the section it ended with.
+        found: where it ended.
+        noise_m: standard deviation of the matched points.
+        foreign: [N] segments whose points belong to something else.
+        matched: [P] which of ``found.pairs`` lie on the surface, within 4 deviations.
+        misfit: what the section measures, where that is not what was designed.
+    """
+
+    problem: Problem
+    found: Descended
+    noise_m: float
+    foreign: Mask
+    matched: Mask
+    misfit: SectionMisfit | None
+
+
+def settle(problem: Problem, found: Descended, settings: FitSettings, solver: Solver, log: Log) -> Settled:
+    """Fit all points from the basin that ``found`` is in, until nothing new turns up."""
+    designed = problem.surface
+    foreign = np.zeros(problem.element.segments, dtype=bool)
+    misfit: SectionMisfit | None = None
+    noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
+    found = _descend(problem, found.x, noise_m, foreign, settings, solver, log)
+    for _ in range(MOST_ROUNDS):
+        changed = False
+        noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
+        if misfit is None:
+            misfit = section_misfit(designed, found.pairs, _matched(found, noise_m), noise_m)
+            if misfit is not None and misfit.plausible:
+                problem = problem.measuring(designed.scaled(misfit.scale))
+                changed = True
+        if not changed:
+            worse = foreign | foreign_segments(found, foreign)
+            changed, foreign = bool((worse != foreign).any()), worse
+        objective = step_objective(problem, found.x, found.pose, found.pairs, found.weights, noise_m, settings)
+        problem = problem.expecting(evidence(problem, found.x, objective, noise_m))
+        if not changed and problem.may_slide and AXIAL not in problem.variables:
+            changed = slide_seen(problem, found, objective, noise_m)
+            problem = problem.released() if changed else problem
+        found = _descend(problem, found.x, noise_m, foreign, settings, solver, log)
+        if not changed:
+            break
+    noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
+    return Settled(problem, found, noise_m, foreign, _matched(found, noise_m), misfit)
+
+
+def _descend(
+    problem: Problem, x: Array, noise_m: float, foreign: Mask, settings: FitSettings, solver: Solver, log: Log
+) -> Descended:
+    stop_m = max(2e-5, 0.05 * noise_m)
+    stage = Stage(
+        "full", problem.points, (ROBUST_SCALE * noise_m,), noise_m, 25, stop_m, ignored=foreign if foreign.any() else None
+    )
+    return descend(problem, x, stage, settings, solver, log)
+
+
+def _matched(found: Descended, noise_m: float) -> Mask:
+    return np.asarray((found.weights > 0) & (found.pairs.distance_m <= MATCHED * noise_m))
+
+
+def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -> Array:
+    """Return the prior's deviations [6 + 3N] that make the joints from 2 on most probable.
+
+    One variance an axis, by expectation maximisation on the Gaussian model of the last
+    step: ``v_axis = mean(theta^2 + S_ii)``. A straight member earns a stiff prior, a
+    member with one sharp kink a loose one.
+
+    Args:
+        problem: with the prior that ``objective`` contains.
+        x: [6 + 3N] where the fit is.
+        objective: sum of all terms but the damping, at x.
+        noise_m: standard deviation of a point.
+    """
+    if problem.element.segments < 3:
+        return problem.prior_sd
+    moving = problem.variables
+    sd, now = problem.prior_sd.copy(), 1.0 / problem.prior_sd[moving] ** 2
+    information = objective.H[np.ix_(moving, moving)] / noise_m**2 - np.diag(now)
+    # Right-hand side of the normal equations of the points alone, in x instead of dx.
+    pull = information @ x[moving] - (objective.c[moving] / noise_m**2 - now * x[moving])
+    mean, variance = np.zeros(len(sd)), np.zeros(len(sd))
+    for _ in range(EVIDENCE_ROUNDS if len(moving) <= 200 else 3):
+        S = np.linalg.inv(information + np.diag(1.0 / sd[moving] ** 2))
+        mean[moving], variance[moving] = S @ pull, np.diag(S)
+        for axis in range(3):
+            joints = np.arange(BASE + 3 + axis, len(sd), 3)
+            if np.isin(joints, moving).all():
+                second_moment = np.mean(mean[joints] ** 2 + variance[joints])
+                sd[joints] = np.clip(np.sqrt(second_moment), STIFFEST_RAD, LOOSEST_RAD)
+    return sd
+
+
+def slide_seen(problem: Problem, found: Descended, objective: Objective, noise_m: float) -> bool:
+    """Whether the bends of the element fix its place along its axis to 3 mm."""
+    S, _ = covariance(problem.released(), found.pose, objective, noise_m)
+    return bool(np.sqrt(S[AXIAL, AXIAL]) < SLIDE_SEEN_M)
+
+
+def foreign_segments(found: Descended, ignored: Mask) -> Mask:
+    """Return which segments [N] lie on points that scatter far more than the others'."""
+    used = found.weights > 0
+    segment = found.pairs.segment[used]
+    residual = np.abs(found.pairs.residual_m[used])
+    parts = np.split(residual, np.searchsorted(segment, np.arange(1, len(ignored))))
+    judged = np.array([len(part) >= 20 for part in parts]) & ~ignored
+    if judged.sum() < 3:
+        return np.zeros(len(ignored), dtype=bool)
+    noise_m = np.array([MAD_TO_SD * float(np.median(part)) if len(part) else 0.0 for part in parts])
+    usual_m = float(np.median(noise_m[judged]))
+    return judged & (noise_m > FOREIGN_RATIO * usual_m) & (noise_m > usual_m + FOREIGN_EXCESS_M)
