@@ -260,7 +260,7 @@ class Viewer:
         inside = (points - T[:3, 3]) @ T[:3, :3]
         reach = 2 * np.linalg.norm(self._element.profile.outline(), axis=1).max()
         seen = inside[np.linalg.norm(inside[:, :2], axis=1) < reach + half / 5, :2].mean(axis=0)
-        if not np.linalg.norm(seen) > 0.01 * reach:
+        if not np.linalg.norm(seen) > 0.002 * reach:
             return
         # A little past it, so that the neighbouring face shows too.
         x, y = seen / np.linalg.norm(seen)
