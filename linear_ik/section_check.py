@@ -53,6 +53,7 @@ def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m
         used: [P] the matches on the surface.
         noise_m: standard deviation of a point.
     """
+    used = used & _clear_of_corners(surface, pairs, 4.0 * noise_m)
     gradient, local = pairs.gradient[used], pairs.local[used, :2]
     stretch = gradient * local
     if surface.radius_m is not None:
@@ -83,3 +84,12 @@ def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m
         return None
     s = np.where(wrong, s, 0.0)
     return SectionMisfit(1.0 + np.broadcast_to(s, 2).copy(), bool((np.abs(s) <= LARGEST_STRETCH).all()))
+
+
+def _clear_of_corners(surface: Surface, pairs: Correspondences, margin_m: float) -> Mask:
+    """Return the matches well within their face: at a corner, noise always measures outwards."""
+    if surface.radius_m is not None:
+        return np.ones(len(pairs.face), dtype=bool)
+    delta = pairs.local[:, :2] - surface.corners[pairs.face]
+    along = np.einsum("ij,ij->i", surface.tangents[pairs.face], delta)
+    return np.asarray((along > margin_m) & (along < surface.widths_m[pairs.face] - margin_m))
