@@ -145,6 +145,10 @@ class Element:
             raise ElementError("name", "too long, or with control characters", "up to 200 printable characters")
         if not isinstance(self.profile, Profile):
             raise ElementError("profile", f"{self.profile!r}", "a profile, such as Rectangle(0.1, 0.3)")
+        if not isinstance(self.placement, Placement):
+            raise ElementError("placement", reprlib.repr(self.placement), "a Placement")
+        if not isinstance(self.placement_tolerance, PlacementTolerance):
+            raise ElementError("placement_tolerance", reprlib.repr(self.placement_tolerance), "a PlacementTolerance")
         if isinstance(self.segments, bool) or not isinstance(self.segments, (int, np.integer)):
             raise ElementError("segments", f"{self.segments!r}", f"a whole number, 1 to {MOST_SEGMENTS}")
         if not 1 <= self.segments <= MOST_SEGMENTS:

@@ -140,7 +140,7 @@ def _mapping(name: str, value: object, keys: tuple[str, ...], required: tuple[st
         raise ElementError(name, f"{_short(value)} is not a set of keys", "keys: " + ", ".join(keys))
     for key in value:
         if not isinstance(key, str) or key not in keys:
-            raise ElementError(f"{inside}{_short(key)}", "unknown key", _nearest(key, keys))
+            raise ElementError(f"{inside}{_bare(key)}", "unknown key", _nearest(key, keys))
     for key in required:
         if key not in value:
             raise ElementError(name, f"key {key} is missing", "needed: " + ", ".join(required))
@@ -155,7 +155,7 @@ def _profile(name: str, value: object) -> Profile:
         raise ElementError(name, "key type is missing", "one of " + ", ".join(types))
     kind = value["type"]
     if not isinstance(kind, str) or kind not in PROFILES:
-        raise ElementError(f"{name}.type", f"unknown profile {_short(kind)}", _nearest(kind, types))
+        raise ElementError(f"{name}.type", f"unknown profile {_bare(kind)}", _nearest(kind, types))
     cls = PROFILES[kind]
     if cls is Polygon:
         return _within(name, Polygon, {"outline": _mapping(name, value, ("type", "outline"), ("outline",))["outline"]})
@@ -239,4 +239,9 @@ def _nearest(value: object, choices: tuple[str, ...]) -> str:
 
 def _short(value: object) -> str:
     """Return a repr of bounded length, however large the value is."""
-    return value[:60] if isinstance(value, str) and value.isidentifier() else reprlib.repr(value)
+    return reprlib.repr(value)
+
+
+def _bare(value: object) -> str:
+    """Return a key or type as it stands in the file, if it looks like one."""
+    return value if isinstance(value, str) and value.isidentifier() and len(value) <= 60 else _short(value)

@@ -14,14 +14,16 @@ Array = npt.NDArray[np.float64]
 
 CIRCLE_CHORDS = 128  # 0.03 mm from a circle of 100 mm radius
 FILLET_CHORDS = 6
+SMALLEST_DIMENSION_M = 1e-5
 LARGEST_DIMENSION_M = 100.0
+SMALLEST_AREA_M2 = 1e-8
 
 
 def check_dimension(name: str, value: object, zero: bool = False) -> float:
     """Return ``value`` as metres, or raise ElementError naming it."""
-    expected = f"metres, above 0 and up to {LARGEST_DIMENSION_M:g}"
+    expected = f"metres, {'0, or ' if zero else ''}{SMALLEST_DIMENSION_M:g} to {LARGEST_DIMENSION_M:g}"
     number = as_float(name, value, expected)
-    if not (1e-5 <= number <= LARGEST_DIMENSION_M or (zero and number == 0.0)):
+    if not (SMALLEST_DIMENSION_M <= number <= LARGEST_DIMENSION_M or (zero and number == 0.0)):
         raise ElementError(name, f"{number:g}", expected)
     return number
 
@@ -45,9 +47,9 @@ def check_outline(outline: object) -> tuple[tuple[float, float], ...]:
     import shapely
 
     polygon = shapely.Polygon(corners)
-    if not polygon.is_valid or polygon.area < 1e-8:
-        reason = shapely.is_valid_reason(polygon) if not polygon.is_valid else "no area"
-        raise ElementError("outline", reason, "edges that neither cross nor touch, around an area")
+    if not polygon.is_valid or polygon.area < SMALLEST_AREA_M2:
+        reason = f"an area of {polygon.area:g} m2" if polygon.is_valid else shapely.is_valid_reason(polygon)
+        raise ElementError("outline", reason, f"edges that neither cross nor touch, around {SMALLEST_AREA_M2:g} m2")
     if not polygon.exterior.is_ccw:
         corners = corners[::-1]
     return tuple((float(x), float(y)) for x, y in corners)
@@ -71,8 +73,11 @@ def as_float(name: str, value: object, expected: str) -> float:
 
 
 def check_thinner(name: str, value: float, room: float, what: str) -> None:
-    """Raise ElementError unless ``value`` is 0 or less than ``room``."""
-    if value > 0 and value >= room:
+    """Raise ElementError unless ``value`` is 0 or less than ``room`` by a micrometre.
+
+    Without that margin, rounding decides whether an edge of no length is left.
+    """
+    if value > 0 and value > room - 1e-6:
         raise ElementError(name, f"{value:g}", f"less than {what}, {room:g}")
 
 
