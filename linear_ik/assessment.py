@@ -110,13 +110,18 @@ def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: Mask,
 
 
 def judge(
-    problem: Problem, x: Array, segments: tuple[SegmentResult, ...], sd_m: tuple[Array, Array], noise_m: float, converged: bool
+    problem: Problem,
+    pressed: Mask,
+    segments: tuple[SegmentResult, ...],
+    sd_m: tuple[Array, Array],
+    noise_m: float,
+    converged: bool,
 ) -> tuple[Status, tuple[str, ...]]:
     """Return the status of the fit and the sentences that explain it.
 
     Args:
         problem: what was fitted.
-        x: [6 + 3N] where it ended.
+        pressed: [6 + 3N] variables that the points push against their limit.
         segments: their assessment.
         sd_m: [N+1] largest standard deviation of each node across the axis, and along it.
         noise_m: standard deviation of the matched points.
@@ -135,12 +140,10 @@ def judge(
     smallest = float(np.ptp(problem.surface.corners, axis=0).min())
     if noise_m > max(0.006, 0.02 * smallest):
         reasons.append(f"matched points scatter {noise_m * 1e3:.1f} mm about the surface: another section, or clutter, is likely")
-    lower, upper = problem.chain.lower, problem.chain.upper
-    at_limit = ((x <= lower) | (x >= upper)) & (upper > lower)
-    joints = sorted({int((i - BASE) // 3) + 1 for i in np.flatnonzero(at_limit) if i >= BASE})
+    joints = sorted({int((i - BASE) // 3) + 1 for i in np.flatnonzero(pressed) if i >= BASE})
     if joints:
         reasons.append(f"joint limits active at {_segments(joints)}: the element bends more than it may")
-    if at_limit[:BASE].any():
+    if pressed[:BASE].any():
         reasons.append("the start has moved as far as placement_tolerance allows")
     across_m, along_m = sd_m
     if across_m.max() > MOST_SPREAD_M:

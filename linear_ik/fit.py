@@ -22,7 +22,7 @@ from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, settle
 from linear_ik.startup import Startup
 from linear_ik.surface import Surface
-from linear_ik.uncertainty import covariance, noise_of, point_noise
+from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
 
 Array = npt.NDArray[np.float64]
 
@@ -139,9 +139,10 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     element, chain, pose, pairs = problem.element, problem.chain, found.pose, found.pairs
     used = settled.matched
     objective = step_objective(problem, found.x, pose, pairs, found.weights, noise_m, settings)
-    _, node_covariance = covariance(problem, pose, objective, noise_m)
+    S, node_covariance = covariance(problem, pose, objective, noise_m)
+    pressed = pressed_limits(problem, found.x, objective, S)
     segments = assess_segments(problem, pose, pairs, used, settled.foreign)
-    status, reasons = judge(problem, found.x, segments, spread(pose, node_covariance), noise_m, found.converged)
+    status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, found.converged)
     if settled.foreign.any() and status != "not_scanned":
         reasons += (f"{listed(settled.foreign)}: the points there lie on something else than the designed surface",)
     if settled.misfit is not None:

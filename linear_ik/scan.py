@@ -2,9 +2,9 @@
 
 from __future__ import annotations
 
-from collections import deque
 from collections.abc import Iterable
 from dataclasses import dataclass
+from itertools import chain, islice
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +16,7 @@ Array = npt.NDArray[np.float64]
 FARTHEST_M = 1e8
 
 
-@dataclass(frozen=True, eq=False)
+@dataclass(frozen=True, eq=False, repr=False)
 class Scan:
     """Points of one or more scanner stations.
 
@@ -73,6 +73,11 @@ class Scan:
         for name, value in zip(("points", "normals", "stations", "station_index"), values, strict=True):
             object.__setattr__(self, name, value)
 
+    def __repr__(self) -> str:
+        """Say how much it is, not all of what."""
+        stations = "unknown stations" if self.stations is None else f"{len(self.stations)} stations"
+        return f"<Scan: {len(self)} points, {stations}, {'no ' if self.normals is None else ''}normals>"
+
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.points)
@@ -82,33 +87,41 @@ def merge(scans: Iterable[Scan]) -> Scan:
     """Return several scans as one; stations keep their points.
 
     Normals are kept when every part has them, stations when every part has them. Stations at
-    the same place are one. Parts that nobody else holds are freed on the way, so that the
-    whole takes its own memory once.
+    the same place are one. Parts are taken one by one, so that what an iterator yields is in
+    memory once, and not a second time as the whole.
 
     Raises:
         ScanError: nothing to merge.
     """
-    parts = deque(scans)
-    if not parts:
+    parts = iter(scans)
+    head = list(islice(parts, 2))
+    if not head:
         raise ScanError("scan", "no files", "at least one")
-    if len(parts) == 1:
-        return parts[0]
-    count = sum(map(len, parts))
-    points = np.empty((count, 3))
-    normals = np.empty((count, 3)) if all(s.normals is not None for s in parts) else None
-    index = np.empty(count, dtype=np.int32) if all(s.stations is not None for s in parts) else None
+    if len(head) == 1:
+        return head[0]
+    points, normals, index = np.empty((0, 3)), np.empty((0, 3)), np.empty(0, dtype=np.int32)
     rows: dict[tuple[float, ...], int] = {}
-    end = 0
-    while parts:
-        part = parts.popleft()
-        start, end = end, end + len(part)
-        points[start:end] = part.points
-        if normals is not None:
-            normals[start:end] = part.normals
-        if index is not None and part.stations is not None:
+    has_normals = has_stations = True
+    for part in chain(head, parts):
+        _append(points, part.points)
+        if has_normals := has_normals and part.normals is not None:
+            _append(normals, part.normals)
+        if has_stations := has_stations and part.stations is not None:
             own = [rows.setdefault(tuple(station), len(rows)) for station in part.stations.tolist()]
-            index[start:end] = np.array(own, dtype=np.int32)[part.station_index]
-    return Scan(points, normals, np.array(list(rows)) if index is not None else None, index)
+            _append(index, np.array(own, dtype=np.int32)[part.station_index])
+    return Scan(
+        points,
+        normals if has_normals else None,
+        np.array(list(rows)) if has_stations else None,
+        index if has_stations else None,
+    )
+
+
+def _append(array: npt.NDArray[np.generic], rows: npt.NDArray[np.generic]) -> None:
+    """Lengthen ``array`` in place: the system moves its pages instead of copying them."""
+    start = len(array)
+    array.resize((start + len(rows), *array.shape[1:]), refcheck=False)
+    array[start:] = rows
 
 
 def _rows(name: str, value: npt.ArrayLike) -> Array:

@@ -54,11 +54,11 @@ def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m
         noise_m: standard deviation of a point.
     """
     used = used & _clear_of_corners(surface, pairs, 4.0 * noise_m)
-    gradient, local = pairs.gradient[used], pairs.local[used, :2]
-    stretch = gradient * local
+    gradient, residual = pairs.gradient[used], pairs.residual_m[used]
+    # At the foot on the face: at the point itself the noise would explain itself.
+    stretch = gradient * (pairs.local[used, :2] - residual[:, None] * gradient)
     if surface.radius_m is not None:
         stretch = stretch.sum(axis=1, keepdims=True)
-    residual = pairs.residual_m[used]
     ends = np.searchsorted(pairs.segment[used], np.arange(len(pairs.starts)))
     m = stretch.shape[1]
     total, left, pull = np.zeros(m), np.zeros((m, m)), np.zeros(m)

@@ -74,3 +74,17 @@ def covariance(problem: Problem, pose: Pose, objective: Objective, noise_m: floa
         S[AXIAL, AXIAL] = problem.prior_sd[AXIAL] ** 2
     A = pose.node_jacobians()
     return S, np.einsum("kai,ij,kbj->kab", A, S, A, optimize=True)
+
+
+def pressed_limits(problem: Problem, x: Array, objective: Objective, S: Array) -> npt.NDArray[np.bool_]:
+    """Return which variables [6 + 3N] the data push against their limit by 3 deviations or more.
+
+    A member that was bent to exactly its limit rests on it by chance of the noise.
+    """
+    rows = problem.variables
+    push = np.zeros(len(x))
+    push[rows] = -np.linalg.solve(objective.H[np.ix_(rows, rows)], objective.c[rows])
+    far = np.abs(push) > 3.0 * np.sqrt(np.diag(S))
+    lower, upper = problem.chain.lower, problem.chain.upper
+    at = ((x <= lower) & (push < 0)) | ((x >= upper) & (push > 0))
+    return np.asarray(at & far & (upper > lower))

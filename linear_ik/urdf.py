@@ -11,7 +11,7 @@ from typing import TYPE_CHECKING
 
 from linear_ik.element import Element
 from linear_ik.errors import OutputError
-from linear_ik.exports.atomic import check_writable, write_atomically
+from linear_ik.atomic import check_writable, write_atomically
 from linear_ik.profile import Circle, Profile, Rectangle
 from linear_ik.section import body_inertia, extruded_mesh
 

@@ -11,9 +11,11 @@ from typing import Annotated
 import typer
 
 from linear_ik.cli import demo, fit, simulate, urdf, view
-from linear_ik.cli.process import BROKEN_PIPE, INTERRUPTED, explain
+from linear_ik.cli.process import BROKEN_PIPE, explain
 
 NAME = "linear-ik"
+# What newer typers return after Ctrl-C; older ones raise Abort.
+INTERRUPTED = 130
 
 app = typer.Typer(
     name=NAME,
@@ -47,31 +49,31 @@ def _top(
         typer.echo(context.get_help())
 
 
-def main(arguments: Sequence[str] | None = None) -> int:
-    """Run the command line and return its exit code; nothing is raised.
+def run(arguments: Sequence[str]) -> int:
+    """Run a verb and return the exit code; errors become one line on stderr.
 
-    Args:
-        arguments: those after the program's name; of the process when None.
+    Raises:
+        KeyboardInterrupt: Ctrl-C.
+        Exception: any, when LINEAR_IK_DEBUG is set.
     """
     debug = bool(os.environ.get("LINEAR_IK_DEBUG"))
     if not debug:
         warnings.simplefilter("ignore")
     try:
-        code = typer.main.get_command(app).main(
-            args=list(sys.argv[1:] if arguments is None else arguments), prog_name=NAME, standalone_mode=False
-        )
+        code = typer.main.get_command(app).main(args=list(arguments), prog_name=NAME, standalone_mode=False)
         sys.stdout.flush()
-        return code if isinstance(code, int) else 0
     except BrokenPipeError:
         # Python flushes stdout once more when it ends, and would complain then.
         os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
         return BROKEN_PIPE
-    except (KeyboardInterrupt, typer.Abort):
-        print("interrupted", file=sys.stderr)
-        return INTERRUPTED
+    except typer.Abort:
+        raise KeyboardInterrupt from None
     except Exception as error:
         if debug:
             raise
         line, code = explain(error)
         print(line, file=sys.stderr)
         return code
+    if code == INTERRUPTED:
+        raise KeyboardInterrupt
+    return code if isinstance(code, int) else 0

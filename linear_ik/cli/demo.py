@@ -21,7 +21,16 @@ EXAMPLE = """Example:
 \b
   linear-ik demo -o here
 """
-FILES = ("element.yaml", "scan.ply", "truth.json", "result.json", "result.urdf", "result.glb", "view.html")
+FILES = (
+    "element.yaml",
+    "scan.ply",
+    "truth.json",
+    "result.json",
+    "result.urdf",
+    "result_joints.json",
+    "result.glb",
+    "view.html",
+)
 
 
 def register(app: typer.Typer) -> None:
@@ -52,7 +61,7 @@ def demo(
 
         result = fit(element, scan)
     with progress.stage(f"writing {output}"):
-        from linear_ik.exports.atomic import write_atomically
+        from linear_ik.atomic import write_atomically
         from linear_ik.exports.fitted_urdf import write_fitted_urdf
         from linear_ik.exports.glb import write_glb
         from linear_ik.exports.result_json import write_result

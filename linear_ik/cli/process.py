@@ -19,7 +19,6 @@ from linear_ik.errors import LinearIkError
 BAD_INPUT = 2
 NOT_SCANNED = 3
 INTERNAL = 1
-INTERRUPTED = 130
 BROKEN_PIPE = 141
 
 

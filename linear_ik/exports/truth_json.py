@@ -6,7 +6,7 @@ import json
 import os
 from pathlib import Path
 
-from linear_ik.exports.atomic import write_atomically
+from linear_ik.atomic import write_atomically
 from linear_ik.simulate import SimulatedScan
 
 SCHEMA = "linear_ik/truth/1"

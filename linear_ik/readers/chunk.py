@@ -36,6 +36,14 @@ The path is a readable file that isn't empty. A reader raises ScanError about th
 """
 
 
+def posed(local: Array, R: Array, t: Array) -> Array:
+    """Return points [P][3] of a scanner's frame in global coordinates, R p + t; without those that are none."""
+    # Damaged files hold numbers whose products overflow: they become no points.
+    with np.errstate(over="ignore", invalid="ignore"):
+        points: Array = local[np.isfinite(local).all(axis=1)] @ R.T + t
+    return points
+
+
 def count_from(path: Path, text: str, where: str) -> int:
     """Return a count that a header states.
 

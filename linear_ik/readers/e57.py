@@ -14,7 +14,7 @@ from typing import Any
 import numpy as np
 
 from linear_ik.errors import ScanError
-from linear_ik.readers.chunk import Array, Chunk
+from linear_ik.readers.chunk import Array, Chunk, posed
 
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
@@ -58,13 +58,17 @@ def _scan(path: Path, file: Any, index: int, chunk_points: int) -> Iterator[Chun
     if not capacity:
         return
     wanted = [*names, *({INVALID[names]} & set(header.point_fields))]
+    count = 0
     for values in _blocks(file, header, wanted, capacity):
+        count += len(values[0])
         local = np.column_stack(values[:3])
         if len(values) == 4:
             local = local[values[3] == 0]
         if names is SPHERICAL:
             local = _cartesian(local)
-        yield Chunk(local @ R.T + t, station=t if has_station else None)
+        yield Chunk(posed(local, R, t), station=t if has_station else None)
+    if count != header.point_count:
+        raise ScanError(path, f"scan {index + 1} ends after {count} of {header.point_count} points", WHOLE)
 
 
 def _blocks(file: Any, header: Any, names: list[str], capacity: int) -> Iterator[list[Array]]:
@@ -105,8 +109,9 @@ def _pose(path: Path, header: Any, index: int) -> tuple[Array, Array]:
 def _cartesian(spherical: Array) -> Array:
     """Return x, y, z of range, azimuth and elevation above the xy plane [P][3]."""
     distance, azimuth, elevation = spherical.T
-    across = distance * np.cos(elevation)
-    return np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), distance * np.sin(elevation)])
+    with np.errstate(over="ignore", invalid="ignore"):
+        across = distance * np.cos(elevation)
+        return np.column_stack([across * np.cos(azimuth), across * np.sin(azimuth), distance * np.sin(elevation)])
 
 
 def _pye57(path: Path) -> Any:

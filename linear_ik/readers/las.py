@@ -22,6 +22,7 @@ from linear_ik.readers.chunk import Chunk, check_end, check_room
 
 SMALLEST_HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375, 5: 393}
 RECORD_BYTES = 54
+PARALLEL_CHUNK_POINTS = 1 << 20
 WHOLE = "a complete LAS or LAZ file"
 
 
@@ -60,7 +61,10 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
             if not np.isfinite([scales, offsets]).all() or not scales.all():
                 raise ScanError(path, f"scales {scales} and offsets {offsets}", "finite scales, not 0")
             if file.header.are_points_compressed:
-                _check_chunk_table(path, header, file.header)
+                largest_chunk = _check_chunk_table(path, header, file.header)
+                # The parallel reader allocates whole chunks, whatever is asked for.
+                parallel = largest_chunk <= PARALLEL_CHUNK_POINTS
+                file.laz_backend = laspy.LazBackend.LazrsParallel if parallel else laspy.LazBackend.Lazrs
             else:
                 check_room(path, header.points, header.point_bytes, header.end - header.start)
                 rest = header.end - header.start - header.points * header.point_bytes
@@ -90,10 +94,10 @@ def read_header(path: Path) -> Header:
         raw = file.read(max(SMALLEST_HEADER_BYTES.values()))
     if not raw.startswith(b"LASF"):
         raise ScanError(path, "no LAS file: it doesn't begin with LASF", WHOLE)
-    minor = raw[25] if len(raw) > 25 else 0
-    smallest = SMALLEST_HEADER_BYTES.get(minor)
-    if smallest is None or raw[24] != 1:
-        raise ScanError(path, f"LAS version {raw[24]}.{minor}", "1.0 to 1.5")
+    major, minor = raw[24:26] if len(raw) > 25 else (1, 0)
+    if major != 1 or minor not in SMALLEST_HEADER_BYTES:
+        raise ScanError(path, f"LAS version {major}.{minor}", "1.0 to 1.5")
+    smallest = SMALLEST_HEADER_BYTES[minor]
     if len(raw) < smallest:
         raise ScanError(path, "ends inside the LAS header", WHOLE)
     header_bytes, start, records, _, point_bytes, points = struct.unpack_from("<HIIBHI", raw, 94)
@@ -109,14 +113,14 @@ def read_header(path: Path) -> Header:
     return Header(start, min(end for end in ends if end >= start), points, point_bytes)
 
 
-def _check_chunk_table(path: Path, header: Header, las_header: Any) -> None:
-    """Check a LAZ file's table of chunks (LAZ specification 1.4, 'chunk table') against its size.
+def _check_chunk_table(path: Path, header: Header, las_header: Any) -> int:
+    """Check a LAZ file's table of chunks against its size; return the points of the largest chunk.
 
     Raises:
         ScanError: the table isn't in the file, or has more in it than the file.
     """
     if not header.points:
-        return
+        return 0
     lazrs = _needed(path, "lazrs")
     vlr = lazrs.LazVlr(las_header.vlrs[las_header.vlrs.index("LasZipVlr")].record_data)
     with path.open("rb") as file:
@@ -139,6 +143,7 @@ def _check_chunk_table(path: Path, header: Header, las_header: Any) -> None:
     least = most if vlr.uses_variable_size_chunks() else most - vlr.chunk_size() + 1
     if not least <= header.points <= most:
         raise ScanError(path, f"the header says {header.points} points, the chunks hold {least} to {most}", WHOLE)
+    return max(int(points) for points, _ in chunks)
 
 
 def _needed(path: Path, module: str) -> Any:

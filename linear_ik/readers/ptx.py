@@ -13,7 +13,7 @@ from pathlib import Path
 import numpy as np
 
 from linear_ik.errors import ScanError
-from linear_ik.readers.chunk import Array, Chunk, check_room, count_from
+from linear_ik.readers.chunk import Array, Chunk, check_room, count_from, posed
 from linear_ik.readers.text import Lines, is_finite, not_a_number, rows
 
 SMALLEST_ROW = len("0 0 0\n")
@@ -36,7 +36,7 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
             check_room(path, count, SMALLEST_ROW, size + 1 - file.tell())
             for local in rows(lines, (0, 1, 2), None, count):
                 echo = local[local.any(axis=1)]
-                yield Chunk(echo @ T[:3, :3] + T[3, :3], station=station)
+                yield Chunk(posed(echo, T[:3, :3].T, T[3, :3]), station=station)
 
 
 def _line(lines: Lines) -> str | None:

@@ -32,7 +32,7 @@ READERS: dict[str, Reader] = {
     ".txt": xyz.read,
     ".xyz": xyz.read,
 }
-CHUNK_POINTS = 1_000_000
+CHUNK_POINTS = 250_000
 # How files of these formats begin, to name a file that has the wrong extension.
 BEGINNINGS = {
     b"ply\n": ("PLY", (".ply",)),
@@ -156,7 +156,8 @@ def _scan(chunk: Chunk, rows: slice) -> Scan | None:
 
 def _unit(normals: Array) -> Array:
     """Return normals [P][3] of length 1; zeros where there is no direction."""
-    length = np.linalg.norm(normals, axis=1, keepdims=True)
+    with np.errstate(over="ignore", invalid="ignore"):
+        length = np.linalg.norm(normals, axis=1, keepdims=True)
     known = np.isfinite(length) & (length > 0)
     unit: Array = np.divide(normals, length, out=np.zeros_like(normals), where=known)
     return unit
