@@ -193,10 +193,9 @@ class _Scene:
             geometry, normal = hit["geometry_ids"].numpy(), hit["primitive_normals"].numpy()
             on_element = geometry < self._segments
             away = np.einsum("...i,...i->...", normal, directions) > 0
-            # The element is solid: its far side, seen from within, is no return. Of
-            # another object nobody says which side of its triangles is out.
-            distance[part] = np.where(on_element & away, np.inf, hit["t_hit"].numpy())
+            distance[part] = hit["t_hit"].numpy()
             label[part] = np.where(on_element, geometry + 1, OTHER_OBJECT)
+            # Of another object nobody says which side of its triangles is out.
             normals[part] = np.where(away[..., None], -normal, normal)
         return distance, label, normals
 

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from dataclasses import replace
+
 import numpy as np
 import pytest
 import shapely
@@ -174,15 +176,17 @@ def test_a_missing_side_of_a_pipe_is_its_quarter() -> None:
     assert len(local) == pytest.approx(7500, rel=0.03)
 
 
-def test_surface_normals_point_outwards() -> None:
-    for element in (BEAM, PIPE):
-        scan = simulate(element, bends=["8:y:22.5"], noise_m=0.0)
-        assert np.abs(np.linalg.norm(scan.surface_normals, axis=1) - 1).max() < 1e-12
-        R, nodes = frames(element, scan.joint_angles_rad, np.eye(4))
-        outside = scan.points + 1e-4 * scan.surface_normals - nodes[scan.segment - 1]
-        local = np.einsum("pij,pi->pj", R[scan.segment - 1], outside)
-        inside = shapely.contains_xy(shapely.Polygon(element.profile.outline()), local[:, 0], local[:, 1])
-        assert not inside.any()
+@pytest.mark.parametrize("profile", [BEAM.profile, PIPE.profile], ids=lambda p: p.type)
+def test_surface_normals_point_outwards(profile) -> None:
+    element = Element("e", profile, 2.5, placement=Placement((1, 2, 3), (1, -1, 0.5)))
+    exact = simulate(element, bends=["8:y:22.5"], noise_m=0.0)
+    assert np.abs(np.linalg.norm(exact.surface_normals, axis=1) - 1).max() < 1e-12
+    section = shapely.Polygon(profile.outline())
+    for step, inside in ((1e-3, False), (-1e-3, True)):
+        moved = replace(exact, points=exact.points + step * exact.surface_normals)
+        local = in_segments(moved, element)
+        assert (shapely.contains_xy(section, local[:, 0], local[:, 1]) == inside).all()
+        assert np.median(off_surface(local, element)) == pytest.approx(1e-3, rel=1e-6)
 
 
 @settings(max_examples=40, deadline=None)

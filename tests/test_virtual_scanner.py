@@ -7,6 +7,7 @@ import pytest
 import shapely
 import trimesh
 
+from linear_ik import virtual_scanner
 from linear_ik.bending import bend_element, rigid_motion
 from linear_ik.element import Element, Placement
 from linear_ik.errors import SettingsError
@@ -182,6 +183,23 @@ def _only_element(scan: SimulatedScan) -> SimulatedScan:
         surface_normals=scan.surface_normals[keep],
         **dict(zip(names, truth, strict=True)),
     )
+
+
+def test_normals_look_at_the_station_whichever_way_a_wall_is_drawn() -> None:
+    for front in ((1, 0, 0), (-1, 0, 0)):
+        scan = scan_virtually(BEAM, stations=AHEAD, others=[wall((-1, 0, 1), front)], **EXACT)
+        assert scan.surface_normals[scan.segment == 0] == pytest.approx(
+            np.array([[1.0, 0, 0]] * (scan.segment == 0).sum())
+        )
+
+
+def test_a_scan_cast_in_parts_is_the_same(monkeypatch) -> None:
+    kwargs = {"bends": ["8:y:22.5"], "stations": AROUND, "others": [floor((0, 0, -0.02))]}
+    whole = scan_virtually(BEAM, **kwargs)
+    monkeypatch.setattr(virtual_scanner, "RAYS_AT_ONCE", 3000)
+    parts = scan_virtually(BEAM, **kwargs)
+    assert parts.points.tobytes() == whole.points.tobytes()
+    assert np.array_equal(parts.segment, whole.segment)
 
 
 def test_the_neighbour_stands_beside_in_the_placements_frame() -> None:
