@@ -273,6 +273,8 @@ def test_utm_coordinates_keep_their_digits() -> None:
     assert np.quantile(gap, 0.999) < 1e-5
     exact = scan_virtually(element, bends=["8:y:22.5"], displacement=motion, stations=stations, **EXACT)
     assert off_body(exact, element).max() < 6e-5
+    towards = stations[exact.station_index] - exact.points
+    assert (np.einsum("ij,ij->i", towards, exact.surface_normals) > -1e-4).all()
 
 
 def test_a_station_beneath_above_and_far_away() -> None:
