@@ -13,7 +13,8 @@ def write_atomically(path: str | os.PathLike[str], content: bytes | str) -> Path
     """Write a file in one step: readers see the old content or the new, never a part.
 
     The content goes to a temporary file in the same folder, which then takes the name
-    (os.replace). Nothing is left behind on failure, Ctrl-C included.
+    (os.replace). Nothing is left behind on failure, Ctrl-C included. A link keeps
+    pointing where it did; devices and pipes, such as /dev/stdout, are written to.
 
     Args:
         path: the file; missing folders are made.
@@ -25,20 +26,16 @@ def write_atomically(path: str | os.PathLike[str], content: bytes | str) -> Path
     Raises:
         OutputError: a folder in place of the file, or one that cannot be written to.
     """
-    target = Path(path)
-    data = content.encode("utf-8") if isinstance(content, str) else content
-    check_writable(target)
-    temporary = target.with_name(f".{target.name[:100]}.{secrets.token_hex(4)}.tmp")
+    target = check_writable(path)
     try:
-        # Through os.open the file gets the permissions of the person's umask, which tempfile would not give.
-        descriptor = os.open(temporary, os.O_WRONLY | os.O_CREAT | os.O_EXCL, 0o666)
-        with os.fdopen(descriptor, "wb") as file:
-            file.write(data)
-        os.replace(temporary, target)
-    except OSError as error:
+        data = content.encode("utf-8") if isinstance(content, str) else content
+        if _is_device(target):
+            # To replace these would be to destroy them: as root, even /dev/null.
+            target.write_bytes(data)
+        else:
+            _replace(Path(os.path.realpath(target)), data)
+    except (OSError, ValueError) as error:
         raise _output_error(target, error) from None
-    finally:
-        temporary.unlink(missing_ok=True)
     return target
 
 
@@ -46,16 +43,39 @@ def check_writable(path: str | os.PathLike[str]) -> Path:
     """Make the folder of ``path`` and return ``path``; call before long work.
 
     Raises:
-        OutputError: a folder in place of the file, or a folder that cannot be made.
+        OutputError: a folder in place of the file, or a folder that cannot be made or
+            written to.
     """
     target = Path(path)
     try:
+        if "\0" in str(target):
+            raise ValueError("a null character in its name")
         if target.is_dir() or not target.name:
             raise OutputError(target, "is a folder", "a file name")
-        target.parent.mkdir(parents=True, exist_ok=True)
+        if not _is_device(target):
+            folder = Path(os.path.realpath(target)).parent
+            folder.mkdir(parents=True, exist_ok=True)
+            if not os.access(folder, os.W_OK | os.X_OK):
+                raise PermissionError(None, "the folder is write-protected")
     except (OSError, ValueError) as error:
         raise _output_error(target, error) from None
     return target
+
+
+def _is_device(path: Path) -> bool:
+    # /dev/stdout may lead to a file, which another process holds open: to replace it would hide what follows.
+    return path.exists() and (not path.is_file() or str(path.absolute()).startswith(("/dev/", "/proc/")))
+
+
+def _replace(target: Path, data: bytes) -> None:
+    temporary = target.with_name(f".linear_ik-{secrets.token_hex(8)}.tmp")
+    try:
+        # tempfile would make it readable by its owner alone, whatever the umask says.
+        with temporary.open("xb") as file:
+            file.write(data)
+        os.replace(temporary, target)
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def _output_error(path: Path, error: Exception) -> OutputError:

@@ -141,7 +141,7 @@ class Element:
         """Check every field and normalise the numbers."""
         if not isinstance(self.name, str) or not self.name.strip():
             raise ElementError("name", f"{self.name!r}", "a name of at least one character")
-        if len(self.name) > 200 or any(ord(c) < 32 for c in self.name):
+        if len(self.name) > 200 or any(c < " " or "\ud800" <= c <= "\udfff" for c in self.name):
             raise ElementError("name", "too long, or with control characters", "up to 200 printable characters")
         if not isinstance(self.profile, Profile):
             raise ElementError("profile", f"{self.profile!r}", "a profile, such as Rectangle(0.1, 0.3)")

@@ -101,6 +101,7 @@ def test_impossible_placements_are_refused_by_name(values: dict, named: str) -> 
         ({"name": 3}, "name"),
         ({"name": "x" * 201}, "name"),
         ({"name": "a\nb"}, "name"),
+        ({"name": "a\ud800"}, "name"),
         ({"profile": "rectangle"}, "profile"),
         ({"profile": Rectangle}, "profile"),
         ({"placement": (0, 0, 0)}, "placement"),

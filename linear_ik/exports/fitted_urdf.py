@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy.typing as npt
 
-from linear_ik.element import Element
 from linear_ik.atomic import check_writable, write_atomically
+from linear_ik.element import Element
 from linear_ik.exports.posed import check_posed
 from linear_ik.urdf import joint_names, write_urdf
 

@@ -9,8 +9,8 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.element import Element
 from linear_ik.atomic import check_writable, write_atomically
+from linear_ik.element import Element
 from linear_ik.exports.posed import Array, check_posed
 from linear_ik.section import extruded_mesh
 from linear_ik.urdf import RGBA, generate_urdf, joint_names, segment_names

@@ -17,9 +17,9 @@ from typing import Any, get_args
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.atomic import write_atomically
 from linear_ik.element_file import element_from_mapping, element_to_mapping
 from linear_ik.errors import LinearIkError
-from linear_ik.atomic import write_atomically
 from linear_ik.result import FitResult, IterationRecord, SegmentResult, SegmentStatus, Status
 from linear_ik.settings import FitSettings
 

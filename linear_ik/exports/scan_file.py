@@ -8,8 +8,8 @@ from pathlib import Path
 
 import numpy as np
 
-from linear_ik.errors import OutputError
 from linear_ik.atomic import write_atomically
+from linear_ik.errors import OutputError
 from linear_ik.scan import Scan
 
 FORMATS = (".ply", ".xyz", ".txt")
