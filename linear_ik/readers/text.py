@@ -19,6 +19,7 @@ from linear_ik.readers.chunk import Array
 
 LONGEST_LINE = 1 << 16
 COMMENT = re.compile(rb"(?m)^[ \t]*(?:#|//).*$")
+BLANK = re.compile(rb"(?m)^[ \t\r]+$")
 DECIMAL_COMMA = re.compile(r"[+-]?\d+,\d+")
 # Microsoft's C library writes these where others write nan.
 ODD_NAN = re.compile(rb"(?i)[+-]?1\.#(?:ind|qnan|snan|inf)0*|[+-]?nan\(\w*\)")
@@ -146,9 +147,10 @@ def _parse(path: Path, block: bytes, before: int, columns: Sequence[int], delimi
     try:
         return _load(text, columns, delimiter)
     except ValueError as error:
-        if ODD_NAN.search(text):
+        tidy = ODD_NAN.sub(b"nan", BLANK.sub(b"", text))
+        if tidy != text:
             try:
-                return _load(ODD_NAN.sub(b"nan", text), columns, delimiter)
+                return _load(tidy, columns, delimiter)
             except ValueError:
                 pass
         raise _first_bad_line(path, text, before, columns, delimiter, str(error)) from None

@@ -111,7 +111,7 @@ def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
             if _axes(re.split(r"[,;\s]+", text)):
                 comments.append(text)
             continue
-        if line.isdigit() and count is None:
+        if line.isdigit() and not count:
             count = _count(lines, file, line)
             continue
         layout = find_layout(lines.path, lines.number, line, header, comments)
