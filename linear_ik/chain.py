@@ -11,7 +11,9 @@ it equal bounds. Everything is in the element's frame, metres and radians.
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -24,6 +26,33 @@ from linear_ik.urdf import generate_urdf
 Array = npt.NDArray[np.float64]
 
 BASE = 6
+SEGMENTS_A_PIECE = 10
+
+
+class _Piece(NamedTuple):
+    """Some segments of the chain as a Pinocchio model of their own.
+
+    Pinocchio's Data holds tensors cubic in the number of joints: 2 GB at 100 segments,
+    and none to be had at 500. Pieces cost what they are long, and compose exactly.
+    """
+
+    model: pin.Model
+    data: pin.Data
+    columns: slice
+    last_joints: range
+
+
+def _pieces(whole: pin.Model) -> Iterator[_Piece]:
+    first = 1
+    while first < whole.njoints:
+        count = 3 * SEGMENTS_A_PIECE + (first == 1)
+        piece, parent = pin.Model(), 0
+        for j in range(first, min(first + count, whole.njoints)):
+            parent = piece.addJoint(parent, whole.joints[j], whole.jointPlacements[j], whole.names[j])
+        start = whole.joints[first].idx_v
+        last_joints = range(4 if first == 1 else 3, piece.njoints, 3)
+        yield _Piece(piece, pin.Data(piece), slice(start, start + piece.nv), last_joints)
+        first += count
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,13 +123,13 @@ class Chain:
             self._model = pin.buildModelFromXML(urdf, root)
         except (ValueError, RuntimeError) as error:
             raise ChainError("urdf", str(error), "the text generate_urdf writes") from None
-        self._data = self._model.createData()
         joints = list(self._model.names)[2:]
         if not joints or len(joints) % 3 or any(not n.endswith(f"_{'zyx'[i % 3]}") for i, n in enumerate(joints)):
             raise ChainError("urdf", f"joints {joints[:4]}...", "joints segment_01_z, _y, _x, segment_02_z, ...")
         if not self._model.existFrame("end"):
             raise ChainError("urdf", "no frame named end", "the frame of the last node")
         self.n_segments = len(joints) // 3
+        self._pieces = list(_pieces(self._model))
         first = [self._model.jointPlacements[2 + 3 * k].translation[2] for k in range(1, self.n_segments)]
         tip = self._model.frames[self._model.getFrameId("end")].placement.translation[2]
         self.segment_length_m = np.array([*first, tip])
@@ -131,18 +160,25 @@ class Chain:
 
     def pose(self, x: Array) -> Pose:
         """Return the chain's pose at ``x`` [6 + 3N]."""
-        pin.computeJointJacobians(self._model, self._data, x)
-        placements = [self._data.oMi[4 + 3 * k] for k in range(self.n_segments)]
-        rotations = np.array([m.rotation for m in placements])
-        nodes = np.empty((self.n_segments + 1, 3))
-        nodes[:-1] = [m.translation for m in placements]
+        rotations, nodes = np.empty((self.n_segments, 3, 3)), np.empty((self.n_segments + 1, 3))
+        J = np.empty((6, self.nv))
+        T_element_piece, k = pin.SE3.Identity(), 0
+        for piece in self._pieces:
+            pin.computeJointJacobians(piece.model, piece.data, x[piece.columns])
+            J[:, piece.columns] = piece.data.J if k == 0 else T_element_piece.action @ piece.data.J
+            for joint in piece.last_joints:
+                T = piece.data.oMi[joint] if k < SEGMENTS_A_PIECE else T_element_piece * piece.data.oMi[joint]
+                rotations[k], nodes[k] = T.rotation, T.translation
+                k += 1
+            T_element_piece = pin.SE3(rotations[k - 1], nodes[k - 1])
         nodes[-1] = nodes[-2] + rotations[-1, :, 2] * self.segment_length_m[-1]
-        return Pose(rotations, nodes, np.array(self._data.J))
+        return Pose(rotations, nodes, J)
 
     def base_pose(self, x: Array) -> Array:
         """Return T_element_base [4][4] at ``x``."""
-        pin.forwardKinematics(self._model, self._data, x)
-        return np.asarray(self._data.oMi[1].homogeneous.copy())
+        first = self._pieces[0]
+        pin.forwardKinematics(first.model, first.data, x[first.columns])
+        return np.asarray(first.data.oMi[1].homogeneous.copy())
 
     def clip(self, x: Array) -> Array:
         """Return ``x`` within the box, exactly."""

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import BASE, Pose
 from linear_ik.correspondence import Correspondences
+from linear_ik.errors import StepError
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.result import IterationRecord
@@ -100,12 +101,12 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
             weights[stage.ignored[pairs.segment]] = 0.0
         objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings)
         objective = Objective(objective.H[np.ix_(moving, moving)], objective.c[moving])
-        objective += damping(len(moving), lam.weight * objective.mean_information() + 1e-12)
-
-        dx = solver(
+        dx, lam = damped_step(
             objective,
+            lam,
             np.maximum(lower - x[moving], -settings.max_step_rad),
             np.minimum(upper - x[moving], settings.max_step_rad),
+            solver,
         )
         x = x.copy()
         x[moving] += dx
@@ -120,6 +121,26 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
             converged = True
             break
     return Descended(x, pose, pairs, weights, converged)
+
+
+def damped_step(
+    objective: Objective, lam: Damping, lower: Array, upper: Array, solver: Solver
+) -> tuple[Array, Damping]:
+    """Return the step within its box, and the damping it took.
+
+    A program too ill-conditioned for the solver is damped until it is not.
+
+    Raises:
+        StepError: the solver fails whatever the damping.
+    """
+    mean = objective.mean_information()
+    while True:
+        try:
+            return solver(objective + damping(len(lower), lam.weight * mean + 1e-12), lower, upper), lam
+        except StepError:
+            if lam.weight >= lam.most:
+                raise
+            lam = Damping(max(100.0 * lam.weight, 1e-4), lam.least, lam.most)
 
 
 def step_objective(

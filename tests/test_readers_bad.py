@@ -170,9 +170,10 @@ def test_count_that_is_no_count(written, tmp_path, refused, name, count):
 
 @pytest.mark.parametrize(
     ("name", "count"),
-    # A LAZ chunk that has more than the header says is full for all one can see.
+    # A LAZ 1.2 chunk that has more than the header says is full for all one can see.
     [(name, count) for name in ("v12.las", "v14.las") for count in (4 * 10**9, 301, 299, 0)]
-    + [(name, count) for name in ("v12.laz", "v14.laz") for count in (4 * 10**9, 50_001, 301, 0)],
+    + [(name, count) for name in ("v12.laz", "v14.laz") for count in (4 * 10**9, 50_001, 301, 0)]
+    + [("v14.laz", 299)],
 )
 def test_las_header_lies_about_the_count(written, tmp_path, refused, name, count):
     offset, kind = (107, "<I") if name.startswith("v12") else (247, "<Q")
@@ -204,6 +205,18 @@ def test_laz_chunk_table_that_would_end_the_process(written, tmp_path, refused, 
         start = struct.unpack_from("<I", data, 96)[0]
         table = struct.unpack_from("<q", data, start)[0]
         return data[: table + 4] + struct.pack("<I", chunks) + data[table + 8 :]
+
+    refused(changed(written, tmp_path, "v14.laz", lie))
+
+
+@pytest.mark.parametrize(
+    ("number", "value"), [(0, 301), (0, 299), (0, 0), *((n, v) for n in (0, 1, 5) for v in (2**31, 2**32 - 1))]
+)
+def test_laz_layers_that_would_end_the_process(written, tmp_path, refused, number, value):
+    def lie(data):
+        start, point_bytes = struct.unpack_from("<I", data, 96)[0], struct.unpack_from("<H", data, 105)[0]
+        at = start + 8 + point_bytes + 4 * number
+        return data[:at] + struct.pack("<I", value) + data[at + 4 :]
 
     refused(changed(written, tmp_path, "v14.laz", lie))
 

@@ -300,6 +300,58 @@ def test_compressed_pcd_of_repetitive_data(tmp_path, points):
     np.testing.assert_array_equal(read_scan(tmp_path / "a.pcd").points, points)
 
 
+def test_laz_written_to_a_pipe(written, tmp_path):
+    folder, points = written
+    for name in ("v12.laz", "v14.laz"):
+        data = (folder / name).read_bytes()
+        start = struct.unpack_from("<I", data, 96)[0]
+        path = tmp_path / name
+        path.write_bytes(data[:start] + b"\xff" * 8 + data[start + 8 :] + data[start : start + 8])
+        np.testing.assert_allclose(read_scan(path).points, points, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("point_format", [0, 3, 6, 7, 8, 10])
+def test_laz_with_extra_bytes_and_many_chunks(tmp_path, point_format):
+    import laspy
+
+    points = cloud(100_001, offset=0)
+    header = laspy.LasHeader(version="1.4", point_format=point_format)
+    header.scales = [1e-6] * 3
+    header.add_extra_dim(laspy.ExtraBytesParams("deviation", np.float64))
+    data = laspy.LasData(header)
+    data.x, data.y, data.z = points.T
+    data.write(str(tmp_path / "a.laz"))
+    np.testing.assert_allclose(read_scan(tmp_path / "a.laz").points, points, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize("point_format", [3, 6])
+def test_laz_chunks_of_varying_size(tmp_path, point_format):
+    import laspy
+    import lazrs
+
+    points = cloud(1000, offset=0)
+    las(tmp_path / "a.las", points, "1.4", point_format)
+    raw = laspy.read(tmp_path / "a.las").points.array
+    vlr = lazrs.LazVlr.new_for_compression(point_format, 0, True)
+    start = 375 + 54 + len(vlr.record_data())
+    with (tmp_path / "a.laz").open("wb") as file:
+        file.write(b"\0" * start)
+        compressor = lazrs.LasZipCompressor(file, vlr)
+        compressor.reserve_offset_to_chunk_table()
+        for part in (raw[:10], raw[10:700], raw[700:]):
+            compressor.compress_many(np.frombuffer(part.tobytes(), dtype=np.uint8))
+            compressor.finish_current_chunk()
+        compressor.done()
+        file.seek(0)
+        head = bytearray((tmp_path / "a.las").read_bytes()[:375])
+        struct.pack_into("<II", head, 96, start, 1)
+        head[104] |= 0x80
+        file.write(head)
+        file.write(struct.pack("<H16sHH32s", 0, b"laszip encoded", 22204, len(vlr.record_data()), b""))
+        file.write(vlr.record_data())
+    np.testing.assert_allclose(read_scan(tmp_path / "a.laz").points, points, rtol=0, atol=1e-6)
+
+
 def test_pcd_with_padding_and_histograms(tmp_path):
     head = "# .PCD v0.7\nVERSION .7\nFIELDS x h y z rgb\nSIZE 8 4 8 4 4\nTYPE F F F F U\nCOUNT 1 3 1 1 1\n"
     head += "WIDTH 2\nHEIGHT 1\nVIEWPOINT 0 0 0 1 0 0 0\nPOINTS 2\nDATA {}\n"

@@ -11,7 +11,7 @@ from typing import Annotated
 import typer
 
 from linear_ik.cli import demo, fit, simulate, urdf, view
-from linear_ik.cli.process import BROKEN_PIPE, explain
+from linear_ik.cli.process import BROKEN_PIPE, explain, was_interrupted
 
 NAME = "linear-ik"
 # What newer typers return after Ctrl-C; older ones raise Abort.
@@ -62,13 +62,14 @@ def run(arguments: Sequence[str]) -> int:
     try:
         code = typer.main.get_command(app).main(args=list(arguments), prog_name=NAME, standalone_mode=False)
         sys.stdout.flush()
-    except BrokenPipeError:
-        # Python flushes stdout once more when it ends, and would complain then.
-        os.dup2(os.open(os.devnull, os.O_WRONLY), 1)
+    except (BrokenPipeError, SystemExit):
+        # typer ends the process when nobody reads any more, and only then.
         return BROKEN_PIPE
     except typer.Abort:
         raise KeyboardInterrupt from None
     except Exception as error:
+        if was_interrupted(error):
+            raise KeyboardInterrupt from None
         if debug:
             raise
         line, code = explain(error)

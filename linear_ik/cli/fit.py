@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.outputs import STDOUT, check_output
+from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
 
@@ -61,7 +61,7 @@ def fit(
 ) -> Outcome:
     """Check everything, read, fit, write, and say what was found."""
     inputs = [element, *scan]
-    to_stdout = output == STDOUT
+    to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None
     glb_target = check_output(glb, inputs, [output, *([urdf] if urdf else [])]) if glb else None
@@ -99,7 +99,7 @@ def fit(
         if not to_stdout:
             write_result(result, target)
     if not quiet:
-        _summarise(result, [path for path in (output, urdf, glb) if path is not None and path != STDOUT])
+        _summarise(result, [path for path in (output, urdf, glb) if path is not None and not is_stdout(path)])
     if viewer is not None:
         from linear_ik.cli.view import stay
 

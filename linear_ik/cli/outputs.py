@@ -9,7 +9,12 @@ from pathlib import Path
 
 from linear_ik.errors import OutputError
 
-STDOUT = Path("-")
+STDOUT = ("-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
+
+
+def is_stdout(path: Path) -> bool:
+    """Say whether a path asks for stdout, which the verbs keep aside."""
+    return str(path) in STDOUT
 
 
 def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path] = ()) -> Path:
@@ -21,15 +26,15 @@ def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path]
         others: the verb's other outputs.
 
     Raises:
-        OutputError: a folder, a device, one of ``inputs`` or ``others``, or a place that
+        OutputError: a folder, stdout, one of ``inputs`` or ``others``, or a place that
             cannot be written to.
     """
+    if is_stdout(path):
+        raise OutputError(path, "is stdout", "a file name")
     try:
         target = Path(os.path.realpath(path))
         if target.is_dir() or str(path).endswith(os.sep):
             raise OutputError(path, "is a folder", "a file name")
-        if target.exists() and not target.is_file():
-            raise OutputError(path, "is no regular file", "a file name")
         for other in inputs:
             if target == Path(os.path.realpath(other)) or (
                 target.exists() and other.exists() and target.samefile(other)
@@ -40,6 +45,9 @@ def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path]
                 raise OutputError(path, "is given for two outputs", "a file name of its own for each")
         if target.exists() and not os.access(target, os.W_OK):
             raise OutputError(path, "is write-protected", "a file that may be replaced")
+        # A device or a pipe, such as /dev/null, is written to, and its folder left alone.
+        if target.exists() and not target.is_file():
+            return path
         _check_folder(path, target.parent)
     except (OSError, ValueError) as error:
         raise OutputError(path, f"cannot be written: {_reason(error)}", "a writable place") from None

@@ -88,6 +88,14 @@ def explain(error: Exception) -> tuple[str, int]:
     return f"error: internal: {kind}: {text} (run with LINEAR_IK_DEBUG=1 for the traceback)", INTERNAL
 
 
+def was_interrupted(error: BaseException) -> bool:
+    """Say whether Ctrl-C is behind an error: compiled modules turn it into an ImportError of theirs."""
+    cause: BaseException | None = error
+    while cause is not None and not isinstance(cause, KeyboardInterrupt):
+        cause = cause.__cause__ or cause.__context__
+    return cause is not None
+
+
 def about_options(error: LinearIkError, **options: str) -> LinearIkError:
     """Return an error of an argument as one of the option that carries it.
 

@@ -1,8 +1,8 @@
 """LAS and LAZ, by laspy and lazrs.
 
-lazrs allocates what a LAZ file's chunk table asks for and ends the process when it cannot, and
-laspy reads as many header records as the file claims, for hours if need be: those numbers are
-checked here first. No LAS file says where a scanner stood.
+laspy reads as many header records as the file claims, for hours if need be: their number is
+checked here first, and what lazrs will allocate in laz_chunks. No LAS file says where a
+scanner stood.
 """
 
 from __future__ import annotations
@@ -19,6 +19,7 @@ import numpy as np
 
 from linear_ik.errors import ScanError
 from linear_ik.readers.chunk import Chunk, check_end, check_room
+from linear_ik.readers.laz_chunks import check_chunks
 
 SMALLEST_HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375, 5: 393}
 RECORD_BYTES = 54
@@ -61,7 +62,8 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
             if not np.isfinite([scales, offsets]).all() or not scales.all():
                 raise ScanError(path, f"scales {scales} and offsets {offsets}", "finite scales, not 0")
             if file.header.are_points_compressed:
-                largest_chunk = _check_chunk_table(path, header, file.header)
+                record = file.header.vlrs[file.header.vlrs.index("LasZipVlr")].record_data
+                largest_chunk = check_chunks(path, _needed(path, "lazrs"), record, header.start, header.points)
                 # The parallel reader allocates whole chunks, whatever is asked for.
                 parallel = largest_chunk <= PARALLEL_CHUNK_POINTS
                 file.laz_backend = laspy.LazBackend.LazrsParallel if parallel else laspy.LazBackend.Lazrs
@@ -111,39 +113,6 @@ def read_header(path: Path) -> Header:
         raise ScanError(path, f"the header says that points begin at byte {start} of {size}", WHOLE)
     check_room(path, records, RECORD_BYTES, start - header_bytes, "header records")
     return Header(start, min(end for end in ends if end >= start), points, point_bytes)
-
-
-def _check_chunk_table(path: Path, header: Header, las_header: Any) -> int:
-    """Check a LAZ file's table of chunks against its size; return the points of the largest chunk.
-
-    Raises:
-        ScanError: the table isn't in the file, or has more in it than the file.
-    """
-    if not header.points:
-        return 0
-    lazrs = _needed(path, "lazrs")
-    vlr = lazrs.LazVlr(las_header.vlrs[las_header.vlrs.index("LasZipVlr")].record_data)
-    with path.open("rb") as file:
-        file.seek(header.start)
-        table = int.from_bytes(file.read(8), "little", signed=True)
-        if table == -1:
-            # Written to a pipe: the offset is at the end.
-            file.seek(-8, 2)
-            table = int.from_bytes(file.read(8), "little", signed=True)
-        data_bytes = table - header.start - 8
-        if data_bytes < 0 or table + 8 > path.stat().st_size:
-            raise ScanError(path, f"its chunk table is said to be at byte {table}", WHOLE)
-        file.seek(table + 4)
-        # Every chunk begins with a point that isn't compressed.
-        check_room(path, int.from_bytes(file.read(4), "little"), header.point_bytes, data_bytes, "chunks")
-        file.seek(header.start)
-        chunks = lazrs.read_chunk_table(file, vlr)
-    check_room(path, sum(size for _, size in chunks), 1, data_bytes, "compressed bytes")
-    most = sum(points for points, _ in chunks)
-    least = most if vlr.uses_variable_size_chunks() else most - vlr.chunk_size() + 1
-    if not least <= header.points <= most:
-        raise ScanError(path, f"the header says {header.points} points, the chunks hold {least} to {most}", WHOLE)
-    return max(int(points) for points, _ in chunks)
 
 
 def _needed(path: Path, module: str) -> Any:
