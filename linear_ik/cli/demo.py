@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from linear_ik.cli.arguments import file_option
 from linear_ik.cli.outputs import check_folder, check_output
 from linear_ik.cli.process import Verb
 from linear_ik.cli.progress import Progress
@@ -35,12 +36,12 @@ FILES = (
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Scan a bent, partly hidden column, fit it, and compare with the truth."
+    about = "Scan a bent column, fit it, compare with the truth."
     app.command("demo", cls=Verb, help=about, epilog=EXAMPLE)(demo)
 
 
 def demo(
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="FOLDER", help="Where the files go.")] = Path(
+    output: Annotated[Path, file_option("-o", "--output", metavar="FOLDER", about="Where the files go.")] = Path(
         "linear_ik_demo"
     ),
 ) -> None:

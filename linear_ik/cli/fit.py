@@ -9,6 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from linear_ik.cli.arguments import file_argument, file_option
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
@@ -29,21 +30,24 @@ EXAMPLE = """Example: two files of one scan, the result, and the bent member for
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Fit a designed element to its scan and write the as-built element."
+    about = "Fit a designed element to its scan."
     app.command("fit", cls=Verb, help=about, epilog=EXAMPLE)(fit)
 
 
 def fit(
-    element: Annotated[Path, typer.Argument(metavar="ELEMENT.yaml", help="The designed element.")],
-    scan: Annotated[list[Path], typer.Argument(metavar="SCAN", help="One or more files of one scan.")],
+    element: Annotated[Path, file_argument("ELEMENT.yaml", "The designed element.")],
+    scan: Annotated[list[Path], file_argument("SCAN", "One or more files of one scan.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="RESULT.json", help="The result; - prints it on stdout.")
+        Path,
+        file_option("-o", "--output", metavar="RESULT.json", about="The result; - prints it on stdout."),
     ],
     urdf: Annotated[
-        Path | None, typer.Option("--urdf", metavar="OUT.urdf", help="Also a URDF, with the joint values beside it.")
+        Path | None,
+        file_option("--urdf", metavar="OUT.urdf", about="Also a URDF, with the joint values beside it."),
     ] = None,
     glb: Annotated[
-        Path | None, typer.Option("--glb", metavar="OUT.glb", help="Also the bent body, for 3D viewers.")
+        Path | None,
+        file_option("--glb", metavar="OUT.glb", about="Also the bent body, for 3D viewers."),
     ] = None,
     view: Annotated[bool, typer.Option("--view", help="Watch the fit in a browser.")] = False,
     wait: Annotated[

@@ -33,7 +33,7 @@ def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path]
         raise OutputError(path, "is stdout", "a file name")
     try:
         target = Path(os.path.realpath(path))
-        if target.is_dir() or str(path).endswith(os.sep):
+        if target.is_dir():
             raise OutputError(path, "is a folder", "a file name")
         for other in inputs:
             if target == Path(os.path.realpath(other)) or (

@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from linear_ik.cli.arguments import file_argument, file_option
 from linear_ik.cli.outputs import check_output
 from linear_ik.cli.process import Verb, about_options
 from linear_ik.cli.progress import Progress
@@ -20,13 +21,13 @@ EXAMPLE = """Example: segment 8 turned by 22.5 degrees about y, two faces out of
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Bend an element and scan it: points on its faces, with noise and a known truth."
+    about = "Make a scan of a bent element whose truth is known."
     app.command("simulate", cls=Verb, help=about, epilog=EXAMPLE)(simulate)
 
 
 def simulate(
-    element: Annotated[Path, typer.Argument(metavar="ELEMENT.yaml", help="The designed element.")],
-    output: Annotated[Path, typer.Option("-o", "--output", metavar="SCAN", help="The scan: .ply (double) or .xyz.")],
+    element: Annotated[Path, file_argument("ELEMENT.yaml", "The designed element.")],
+    output: Annotated[Path, file_option("-o", "--output", metavar="SCAN", about="The scan: .ply (double) or .xyz.")],
     bend: Annotated[
         list[str] | None,
         typer.Option("--bend", metavar="SEGMENT:AXIS:DEGREES", help="Turn a joint, such as 8:y:22.5; repeatable."),
@@ -41,7 +42,8 @@ def simulate(
         typer.Option("--missing", metavar="+x|-x|+y|-y", help="Leave out what faces that way; repeatable."),
     ] = None,
     truth: Annotated[
-        Path | None, typer.Option("--truth", metavar="TRUTH.json", help="Write the true nodes and angles too.")
+        Path | None,
+        file_option("--truth", metavar="TRUTH.json", about="Write the true nodes and angles too."),
     ] = None,
 ) -> None:
     """Read the element, bend it, write the points."""

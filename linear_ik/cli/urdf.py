@@ -7,6 +7,7 @@ from typing import Annotated
 
 import typer
 
+from linear_ik.cli.arguments import file_argument, file_option
 from linear_ik.cli.outputs import check_output
 from linear_ik.cli.process import Verb
 
@@ -23,9 +24,10 @@ def register(app: typer.Typer) -> None:
 
 
 def urdf(
-    element: Annotated[Path, typer.Argument(metavar="ELEMENT.yaml", help="The designed element.")],
+    element: Annotated[Path, file_argument("ELEMENT.yaml", "The designed element.")],
     output: Annotated[
-        Path, typer.Option("-o", "--output", metavar="OUT.urdf", help="Meshes go to a folder beside it.")
+        Path,
+        file_option("-o", "--output", metavar="OUT.urdf", about="Meshes go to a folder beside it."),
     ],
 ) -> None:
     """Read the element, write the URDF."""

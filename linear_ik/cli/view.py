@@ -10,6 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
+from linear_ik.cli.arguments import file_argument, file_option
 from linear_ik.cli.outputs import check_output
 from linear_ik.cli.process import Verb
 from linear_ik.cli.progress import Progress
@@ -34,9 +35,10 @@ def register(app: typer.Typer) -> None:
 
 
 def view(
-    files: Annotated[list[Path], typer.Argument(metavar="FILE", help="Element, scan files, result: any of them.")],
+    files: Annotated[list[Path], file_argument("FILE", "Element, scan files, result: any of them.")],
     html: Annotated[
-        Path | None, typer.Option("--html", metavar="PAGE.html", help="Write one self-contained page, serve nothing.")
+        Path | None,
+        file_option("--html", metavar="PAGE.html", about="Write one self-contained page, serve nothing."),
     ] = None,
     port: Annotated[int | None, typer.Option("--port", min=1, max=65535, help="The first free from 7000 on.")] = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Stay until Enter or Ctrl-C, or end at once.")] = True,
