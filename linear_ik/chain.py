@@ -83,7 +83,7 @@ class Pose:
         """
         J = self.J.copy()
         J[:, BASE + 3 * k :] = 0.0
-        return J
+        return np.asarray(J)
 
     def node_jacobians(self) -> Array:
         """Return d nodes / d x [N+1][3][6 + 3N] (paper eq. 3: v_j x (s - p_j))."""
@@ -182,7 +182,7 @@ class Chain:
 
     def clip(self, x: Array) -> Array:
         """Return ``x`` within the box, exactly."""
-        return np.minimum(np.maximum(x, self.lower), self.upper)
+        return np.asarray(np.minimum(np.maximum(x, self.lower), self.upper))
 
     # for those who know only Pinocchio's q of the URDF -------------------------------
 

@@ -144,4 +144,4 @@ def _through_qpsolvers(name: str, objective: Objective, lower: Array, upper: Arr
     dx = qpsolvers.solve_qp(H, objective.c, lb=lower, ub=upper, solver=name)
     if dx is None or not np.isfinite(dx).all():
         raise StepError("IK step", f"{name} found no solution", "a solved quadratic program")
-    return np.minimum(np.maximum(dx, lower), upper)
+    return np.asarray(np.minimum(np.maximum(dx, lower), upper))

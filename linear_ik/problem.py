@@ -64,7 +64,9 @@ class Problem:
         sd[BASE : BASE + 3] = FIRST_JOINT_SD_RAD
         # A base that may move is expected anywhere in its box: uniform has this deviation.
         sd[:BASE] = np.maximum(chain.upper[:BASE] / np.sqrt(3.0), 1e-9)
-        return cls(element, chain, surface, Matcher(surface, chain.segment_length_m), points, np.flatnonzero(movable), sd)
+        return cls(
+            element, chain, surface, Matcher(surface, chain.segment_length_m), points, np.flatnonzero(movable), sd
+        )
 
     @property
     def may_slide(self) -> bool:

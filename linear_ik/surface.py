@@ -119,4 +119,4 @@ class Surface:
             delta = xy - corner
             delta -= np.clip(delta @ tangent, 0.0, width)[:, None] * tangent
             np.minimum(best, np.einsum("ij,ij->i", delta, delta), out=best)
-        return np.sqrt(best)
+        return np.asarray(np.sqrt(best))
