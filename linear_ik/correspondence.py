@@ -66,22 +66,23 @@ class Matcher:
         self._unit = vertices
         self._triangles = o3d.core.Tensor(triangles)
 
-    def match(self, pose: Pose, points: Array, segments: int | None = None) -> Correspondences:
-        """Match ``points`` [P][3] (element's frame) to the first ``segments`` of the chain."""
+    def match(self, pose: Pose, points: Array, segments: int | None = None, first: int = 0) -> Correspondences:
+        """Match ``points`` [P][3] (element's frame) to segments ``first`` to ``segments`` - 1 of the chain."""
         n = pose.n_segments if segments is None else segments
+        lengths = self.segment_length_m[first:n]
         scene = self._scene(nthreads=0)
-        vertices = self._unit[None] * np.stack([np.ones(n), np.ones(n), self.segment_length_m[:n]], axis=1)[:, None]
-        vertices = vertices @ pose.rotations[:n].transpose(0, 2, 1) + pose.nodes_m[:n, None]
+        vertices = np.repeat(self._unit[None], n - first, axis=0)
+        vertices[:, :, 2] *= lengths[:, None]
+        vertices = vertices @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
         for mesh in vertices.astype(np.float32):
             scene.add_triangles(self._core.Tensor(mesh), self._triangles)
         hit = scene.compute_closest_points(self._core.Tensor(points.astype(np.float32)))
-        segment = hit["geometry_ids"].numpy()
-        small = np.uint8 if n < 256 else np.uint16
-        order = np.argsort(segment.astype(small), kind="stable")
+        segment = hit["geometry_ids"].numpy() + np.uint32(first)
+        order = np.argsort(segment.astype(np.uint8 if n < 256 else np.uint16), kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(segment, minlength=n))])
         face = hit["primitive_ids"].numpy()[order].astype(np.intp) // 2
         local = points[order]
-        for k in range(n):
+        for k in range(first, n):
             rows = slice(starts[k], starts[k + 1])
             local[rows] = (local[rows] - pose.nodes_m[k]) @ pose.rotations[k]
         residual, gradient = self.surface.offsets(local[:, :2], face)

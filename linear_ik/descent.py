@@ -28,6 +28,7 @@ from linear_ik.terms.prior import prior
 from linear_ik.terms.support import end_support
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
 
 
 @dataclass(frozen=True, eq=False)
@@ -43,6 +44,7 @@ class Stage:
         iterations: most iterations.
         stop_m: converged when no node moves farther.
         segments: fit only the first so many segments.
+        first: leave out the segments before this one (from 0).
         variables: [n] the variables that move; all movable ones when None.
         ignored: [N] segments whose matches have no weight, or None.
     """
@@ -54,7 +56,8 @@ class Stage:
     iterations: int = 30
     stop_m: float = 1e-5
     segments: int | None = None
-    variables: npt.NDArray[np.intp] | None = None
+    first: int = 0
+    variables: Index | None = None
     ignored: npt.NDArray[np.bool_] | None = None
 
 
@@ -95,12 +98,11 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
     pose, cost, converged = chain.pose(x), np.inf, False
     for i in range(stage.iterations):
         scale_m = stage.scales_m[min(i, len(stage.scales_m) - 1)]
-        pairs = problem.matcher.match(pose, stage.points, stage.segments)
+        pairs = problem.matcher.match(pose, stage.points, stage.segments, stage.first)
         weights = robust_weights(pairs.distance_m, scale_m)
         if stage.ignored is not None:
             weights[stage.ignored[pairs.segment]] = 0.0
-        objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings)
-        objective = Objective(objective.H[np.ix_(moving, moving)], objective.c[moving])
+        objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings, moving)
         dx, lam = damped_step(
             objective,
             lam,
@@ -144,19 +146,26 @@ def damped_step(
 
 
 def step_objective(
-    problem: Problem, x: Array, pose: Pose, pairs: Correspondences, weights: Array, noise_m: float, settings: FitSettings
+    problem: Problem,
+    x: Array,
+    pose: Pose,
+    pairs: Correspondences,
+    weights: Array,
+    noise_m: float,
+    settings: FitSettings,
+    moving: Index | None = None,
 ) -> Objective:
-    """Return the sum of all terms but the damping, over all variables [6 + 3N]."""
-    objective = point_residual(pose, pairs, weights)
+    """Return the sum of all terms but the damping, over some variables or all [6 + 3N]."""
+    moving = np.arange(len(x)) if moving is None else moving
+    objective = point_residual(pose, pairs, weights, moving)
     information = objective.mean_information()
-    objective += prior(x, np.zeros(len(x)), (noise_m / problem.prior_sd) ** 2)
-    held = end_support(problem.element, pose, noise_m**2)
-    if held is not None and pose.n_segments == len(pairs.starts) - 1:
-        objective += held
+    objective += prior(x[moving], np.zeros(len(moving)), (noise_m / problem.prior_sd[moving]) ** 2)
+    if problem.element.end != "free" and pose.n_segments == len(pairs.starts) - 1:
+        objective += end_support(problem.element, pose, noise_m**2).of(moving)
     if settings.continuity:
-        objective += continuity(x, settings.continuity * information)
+        objective += continuity(x, settings.continuity * information).of(moving)
     if settings.directional:
-        objective += directional_constraint(x, settings.directional * information)
+        objective += directional_constraint(x, settings.directional * information).of(moving)
     return objective
 
 

@@ -29,7 +29,7 @@ WIDE_M, NARROW_M = 0.030, 0.012
 CLUTTER_M = 0.060
 POINTS_A_SEARCH = 600
 CHILDREN = 3
-BEAM = (8, 4, 4, 2)  # hypotheses kept after each segment, where the base floats too
+BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
 
 
@@ -68,45 +68,52 @@ class Startup:
         """Return the variables [6 + 3N] of the best hypothesis, refined on all joints."""
         beam = [Hypothesis(self.problem.straight, 0.0, None, ())]
         for k in range(self.problem.element.segments):
-            children = [child for parent in beam for child in self.extend(parent, k)]
-            width = BEAM[min(k, len(BEAM) - 1)] if self.floating else 1
-            beam = self.best(children, width)
-        finished = [self.finish(h.x) for h in beam]
-        return max(finished, key=self.score)
+            children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
+            beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
+        return max((self.finish(h.x) for h in beam), key=self.score)
 
-    def extend(self, parent: Hypothesis, k: int) -> list[Hypothesis]:
+    def extend(self, parent: Hypothesis, k: int, alone: bool) -> list[Hypothesis]:
         """Return the ways to add segment k (from 0) to a hypothesis."""
-        if k > 0 or not self.floating:
-            straight = self.refined(parent.x, k, parent)
-            if self.explains(straight, k):
-                return [straight]
-        else:
-            straight = self.refined(parent.x, k, parent)
-        found = [self.refined(x, k, parent) for x in self.searched(parent, k)]
-        return [straight, *found]
+        straight = self.refined(parent.x, k, parent, alone)
+        if (k > 0 or not self.floating) and self.explains(straight, k):
+            return [straight]
+        return [straight, *(self.refined(x, k, parent, alone) for x in self.searched(parent, k))]
 
-    def refined(self, x: Array, k: int, parent: Hypothesis) -> Hypothesis:
-        """Descend on joint k, then on the last three, and score the outcome."""
+    def refined(self, x: Array, k: int, parent: Hypothesis, alone: bool) -> Hypothesis:
+        """Descend on joint k, then on the last three, and score the outcome.
+
+        Hypotheses of one parent differ in their last joints only: with no other parent
+        to compete with, the points around those are all that need scoring.
+        """
         t = self.tau_m
         arm = k if parent.arm is None else parent.arm
-        node = self.problem.chain.pose(x).nodes_m[arm]
+        first = max(0, arm - 3)
         length = self.problem.element.segment_length_m
-        local = self.within(node, (k - arm + 3) * length)
+        local = self.within(self.problem.chain.pose(x).nodes_m[arm], (k - arm + 3) * length)
         if len(local):
-            x = self.descend(x, k, [arm], local, (3 * t, 2 * t, 1.5 * t, t))
-            x = self.descend(x, k, list(range(max(0, arm - 2), k + 1)), local, (1.5 * t, t, t, 0.7 * t))
-        support = self.support(x, k)
+            x = self.descend(x, k, first, [arm], local, (3 * t, 2 * t, 1.5 * t, t))
+            x = self.descend(x, k, first, list(range(max(0, arm - 2), k + 1)), local, (1.5 * t, t, t, 0.7 * t))
+        else:
+            local = self.points[:1]
+        pairs = self.problem.matcher.match(self.problem.chain.pose(x), local, k + 1, first)
+        found = int(np.count_nonzero(pairs.distance_m[pairs.starts[k] :] < self.tau_m))
         expected = float(np.median(parent.support)) if parent.support else 0.0
-        lost = support[k] < max(12.0, 0.1 * expected)
-        return Hypothesis(x, self.score(x, k), arm if lost else None, support)
+        lost = found < max(12.0, 0.1 * expected)
+        if alone and k > 2:
+            score = explained(pairs.distance_m, self.tau_m) - self.bend_cost(x)
+        else:
+            score = self.score(x, k)
+        return Hypothesis(x, score, arm if lost else None, (*parent.support, found))
 
-    def descend(self, x: Array, k: int, joints: list[int], points: Array, scales_m: tuple[float, ...]) -> Array:
-        """Descend on some joints of the first k + 1 segments."""
+    def descend(
+        self, x: Array, k: int, first: int, joints: list[int], points: Array, scales_m: tuple[float, ...]
+    ) -> Array:
+        """Descend on some joints of segments ``first`` to k (from 0)."""
         rows = [BASE + 3 * j + i for j in joints for i in range(3)]
         if min(joints) < 3:
             rows += [0, 1, 3, 4, 5]
         moving = np.intersect1d(rows, self.problem.variables)
-        stage = Stage("search", points, scales_m, self.noise_m, len(scales_m), 1e-4, k + 1, moving)
+        stage = Stage("search", points, scales_m, self.noise_m, len(scales_m), 1e-4, k + 1, first, moving)
         return descend(self.problem, x, stage, self.settings, self.solver, self.log).x
 
     def explains(self, h: Hypothesis, k: int) -> bool:
@@ -197,16 +204,14 @@ class Startup:
             points = self.rng.choice(points, POINTS_A_SEARCH, replace=False)
         return points
 
-    def support(self, x: Array, k: int) -> tuple[int, ...]:
-        """Return how many points each of the first k + 1 segments explains."""
-        pairs = self.problem.matcher.match(self.problem.chain.pose(x), self.points, k + 1)
-        near = pairs.distance_m < self.tau_m
-        return tuple(np.bincount(pairs.segment[near], minlength=k + 1).tolist())
-
     def score(self, x: Array, k: int | None = None) -> float:
         """Return the points explained, each between 0 and 1, less the cost of the bends."""
         pairs = self.problem.matcher.match(self.problem.chain.pose(x), self.points, None if k is None else k + 1)
-        return explained(pairs.distance_m, self.tau_m) - 0.5 * float(((x / self.problem.prior_sd)[BASE:] ** 2).sum())
+        return explained(pairs.distance_m, self.tau_m) - self.bend_cost(x)
+
+    def bend_cost(self, x: Array) -> float:
+        """Return what the bends cost under the prior: minus the logarithm of their probability."""
+        return 0.5 * float(((x / self.problem.prior_sd)[BASE:] ** 2).sum())
 
     def best(self, hypotheses: list[Hypothesis], width: int) -> list[Hypothesis]:
         """Return the best distinct hypotheses, best first."""

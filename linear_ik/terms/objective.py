@@ -27,6 +27,10 @@ class Objective(NamedTuple):
             return NotImplemented
         return Objective(self.H + other.H, self.c + other.c)
 
+    def of(self, variables: npt.NDArray[np.intp]) -> Objective:
+        """Return what the term says of some variables, the others held."""
+        return Objective(self.H[np.ix_(variables, variables)], self.c[variables])
+
     def mean_information(self) -> float:
         """Return the mean of H's diagonal over the variables it says anything about."""
         diagonal = np.diag(self.H)

@@ -10,9 +10,12 @@ from linear_ik.correspondence import Correspondences
 from linear_ik.terms.objective import Objective
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
 
 
-def point_residual(pose: Pose, pairs: Correspondences, weights: Array) -> Objective:
+def point_residual(
+    pose: Pose, pairs: Correspondences, weights: Array, columns: Index | None = None
+) -> Objective:
     """Return the Gauss-Newton model of ``1/2 sum w r^2``, r the distance to the face.
 
     A face of segment k that moves with the twist (v, w) moves the residual of a point
@@ -24,14 +27,14 @@ def point_residual(pose: Pose, pairs: Correspondences, weights: Array) -> Object
         pose: the chain the points were matched to.
         pairs: matches, possibly of the first segments only.
         weights: [P] weight of each match.
+        columns: [n] the variables to say something about; all [6 + 3N] when None.
     """
-    n = pose.n_segments
-    M = np.zeros((n, 6, 6))
-    m = np.zeros((n, 6))
-    for k, (moment, pull) in enumerate(zip(*segment_moments(pairs, weights), strict=True)):
-        X = _to_origin(pose.rotations[k], pose.nodes_m[k])
-        M[k], m[k] = X @ moment @ X.T, X @ pull
-    return assemble(pose.J, M, m)
+    n = len(pairs.starts) - 1
+    M, m = segment_moments(pairs, weights)
+    X = _to_origin(pose.rotations[:n], pose.nodes_m[:n])
+    M, m = X @ M @ X.transpose(0, 2, 1), np.einsum("kij,kj->ki", X, m)
+    columns = np.arange(pose.J.shape[1]) if columns is None else columns
+    return assemble(pose.J[:, columns], np.maximum((columns - BASE) // 3, 0), M, m)
 
 
 def segment_moments(pairs: Correspondences, weights: Array) -> tuple[Array, Array]:
@@ -46,7 +49,7 @@ def segment_moments(pairs: Correspondences, weights: Array) -> tuple[Array, Arra
     rows = np.array([0, 1, 3, 4, 5])
     M = np.zeros((n, 6, 6))
     m = np.zeros((n, 6))
-    for k in range(n):
+    for k in np.flatnonzero(np.diff(pairs.starts)):
         part = slice(pairs.starts[k], pairs.starts[k + 1])
         product = A[:, part] @ WA[:, part].T
         M[k][np.ix_(rows, rows)] = product[:5, :5]
@@ -54,15 +57,22 @@ def segment_moments(pairs: Correspondences, weights: Array) -> tuple[Array, Arra
     return M, m
 
 
-def assemble(J: Array, M: Array, m: Array) -> Objective:
+def assemble(J: Array, owner: Index, M: Array, m: Array) -> Objective:
     """Return ``H = sum_k J_k' M_k J_k`` and ``c = -sum_k J_k' m_k``.
 
     J_k is J up to segment k's columns, so a column meets the sum of the matrices from
     its own segment to the tip (as in the composite rigid body algorithm).
+
+    Args:
+        J: [6][n] columns of the spatial Jacobian.
+        owner: [n] segment that each column turns, ascending.
+        M: [K][6][6] moments of the first K segments, about the element's origin.
+        m: [K][6] pulls of the same.
     """
-    owner = np.maximum((np.arange(J.shape[1]) - BASE) // 3, 0)
-    tail_M = np.cumsum(M[::-1], axis=0)[::-1]
-    tail_m = np.cumsum(m[::-1], axis=0)[::-1]
+    # Segments that nothing was matched to, past the last one, move nothing.
+    tail_M = np.concatenate([np.cumsum(M[::-1], axis=0)[::-1], np.zeros((1, 6, 6))])
+    tail_m = np.concatenate([np.cumsum(m[::-1], axis=0)[::-1], np.zeros((1, 6))])
+    owner = np.minimum(owner, len(M))
     Y = np.einsum("jab,bj->aj", tail_M[owner], J)
     H = np.triu(J.T @ Y)
     H += np.triu(H, 1).T
@@ -70,8 +80,10 @@ def assemble(J: Array, M: Array, m: Array) -> Objective:
 
 
 def _to_origin(R: Array, p: Array) -> Array:
-    """Return X with [n, q x n] in the element's frame = X [n, q x n] in the segment's."""
-    X = np.zeros((6, 6))
-    X[:3, :3] = X[3:, 3:] = R
-    X[3:, :3] = np.array([[0, -p[2], p[1]], [p[2], 0, -p[0]], [-p[1], p[0], 0]]) @ R
+    """Return X [K][6][6] with [n, q x n] in the element's frame = X [n, q x n] in the segment's."""
+    X = np.zeros((len(R), 6, 6))
+    X[:, :3, :3] = X[:, 3:, 3:] = R
+    cross = np.zeros((len(R), 3, 3))
+    cross[:, 0, 1], cross[:, 0, 2], cross[:, 1, 2] = -p[:, 2], p[:, 1], -p[:, 0]
+    X[:, 3:, :3] = (cross - cross.transpose(0, 2, 1)) @ R
     return X

@@ -12,8 +12,8 @@ from linear_ik.terms.objective import Objective
 Array = npt.NDArray[np.float64]
 
 
-def end_support(element: Element, pose: Pose, weight: float) -> Objective | None:
-    """Return the pull of the end support towards its place in the design, or None.
+def end_support(element: Element, pose: Pose, weight: float) -> Objective:
+    """Return the pull of the end support towards its place in the design.
 
     roller: the end node stays on the design axis (2 equations); pinned: it stays within
     ``end_tolerance_m`` of the design end (3); fixed: the last segment also keeps the
@@ -22,12 +22,13 @@ def end_support(element: Element, pose: Pose, weight: float) -> Objective | None
     ``1/2 weight |A dx + r|^2 / end_tolerance_m^2``.
 
     Args:
-        element: the design; its frame is the pose's.
+        element: the design, its end held; its frame is the pose's.
         pose: the chain now.
         weight: [cost]; the variance a residual of one tolerance is worth.
+
+    Returns:
+        The term over all variables [6 + 3N].
     """
-    if element.end == "free":
-        return None
     tip = pose.nodes_m[-1] - [0.0, 0.0, element.length_m]
     rows = 2 if element.end == "roller" else 3
     A = pose.node_jacobians()[-1][:rows]
