@@ -18,13 +18,17 @@ COVERAGE_RADIUS = 0.02
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.1
+BESIDE = 16.0  # deviations; four times as far as a match
 MOST_SPREAD_M = 0.010
 
 
 def assess_segments(
-    problem: Problem, pose: Pose, pairs: Correspondences, used: Mask, foreign: Mask
+    problem: Problem, pose: Pose, pairs: Correspondences, used: Mask, foreign: Mask, noise_m: float
 ) -> tuple[SegmentResult, ...]:
     """Return status, points, coverage and residual of each segment.
+
+    A segment is measured where points crowd on its surface: a cloud without it has three
+    times as many points between 4 and 16 deviations from the surface as within 4.
 
     Args:
         problem: what was fitted.
@@ -32,12 +36,14 @@ def assess_segments(
         pairs: matches of all points.
         used: [P] the matches on the surface.
         foreign: [N] segments whose points were ignored; neighbours and priors fix them.
+        noise_m: standard deviation of the matched points.
     """
     segment = pairs.segment[used]
     count = np.bincount(segment, minlength=pose.n_segments)
     squares = np.bincount(segment, pairs.residual_m[used] ** 2, minlength=pose.n_segments)
     covered = coverage(problem, pose, pairs, used)
-    seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE)
+    beside = np.bincount(pairs.segment[pairs.distance_m <= BESIDE * noise_m], minlength=pose.n_segments) - count
+    seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE) & (count >= beside)
     seen &= ~foreign
     last = int(np.flatnonzero(seen | foreign)[-1]) if seen.any() else -1
     out = []
@@ -130,8 +136,8 @@ def judge(
     n = len(segments)
     measured = [s.status == "measured" for s in segments]
     if sum(measured) < max(1.0, LEAST_SCANNED * n):
-        found = sum(s.points for s in segments)
-        return "not_scanned", (f"the element is not in the scan: {found} points near it, on {sum(measured)} of {n} segments",)
+        near = int(sum(s.points for s in segments))
+        return "not_scanned", (f"the element is not in the scan: {near} points near it make up no surface of its section",)
     reasons = []
     for status, words in (("not_scanned", "not scanned"), ("inferred", "inferred from their neighbours only")):
         which = [k + 1 for k, s in enumerate(segments) if s.status == status]

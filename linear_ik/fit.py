@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -16,7 +17,7 @@ from linear_ik.descent import Descended, Log, Stage, descend, robust_weights, st
 from linear_ik.element import Element
 from linear_ik.ik_step import Solver, make_solver
 from linear_ik.problem import Problem, thinned
-from linear_ik.result import FitResult, IterationRecord
+from linear_ik.result import FitResult, IterationRecord, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, settle
@@ -26,6 +27,7 @@ from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_lim
 
 Array = npt.NDArray[np.float64]
 
+LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
 SEARCH_POINTS_A_SEGMENT = 300
 
@@ -67,6 +69,8 @@ def _fit(
     problem = Problem.of(element, scan)
     rng = np.random.default_rng(settings.seed)
     clock.lap("prepare")
+    if len(problem.points) < LEAST_POINTS:
+        return absent(problem, (f"the element is not in the scan: {len(problem.points)} points in its reach",), settings, log, clock)
 
     coarse = problem.points
     if len(coarse) > COARSE_POINTS_A_SEGMENT * element.segments:
@@ -134,42 +138,83 @@ def searched(
 
 
 def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
-    """Return the result: nodes and covariance in the scan's coordinates, and the verdict."""
+    """Return the result of a settled fit, and the verdict on it."""
     problem, found, noise_m = settled.problem, settled.found, settled.noise_m
-    element, chain, pose, pairs = problem.element, problem.chain, found.pose, found.pairs
-    used = settled.matched
+    pose, pairs, used = found.pose, found.pairs, settled.matched
     objective = step_objective(problem, found.x, pose, pairs, found.weights, noise_m, settings)
     S, node_covariance = covariance(problem, pose, objective, noise_m)
     pressed = pressed_limits(problem, found.x, objective, S)
-    segments = assess_segments(problem, pose, pairs, used, settled.foreign)
+    segments = assess_segments(problem, pose, pairs, used, settled.foreign, noise_m)
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, found.converged)
-    if settled.foreign.any() and status != "not_scanned":
+    if status == "not_scanned":
+        return absent(problem, reasons, settings, log, clock)
+    if settled.foreign.any():
         reasons += (f"{listed(settled.foreign)}: the points there lie on something else than the designed surface",)
     if settled.misfit is not None:
         if not settled.misfit.plausible:
             status = "uncertain" if status == "converged" else status
-        reasons += (settled.misfit.sentence(Surface.of(element.profile)),)
+        reasons += (settled.misfit.sentence(Surface.of(problem.element.profile)),)
     rmse_m = cloud_rmse(problem, pose, pairs, used, settings.seed)
-    T = element.placement.T_world_element
-    R = T[:3, :3]
     clock.lap("assess")
-    return FitResult(
-        element=element,
+    return in_scan_coordinates(
+        problem,
+        found.x,
+        node_covariance,
+        settings,
+        log,
+        clock,
         status=status,
         reasons=reasons,
-        nodes_m=pose.nodes_m @ R.T + T[:3, 3],
-        nodes_covariance_m2=R @ node_covariance @ R.T,
-        q=found.x[BASE:].copy(),
-        joint_angles_rad=found.x[BASE:].reshape(-1, 3)[:, ::-1].copy(),
-        joint_limits_rad=np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)[:, ::-1].copy(),
-        base_pose=T @ chain.base_pose(found.x),
         rmse_m=rmse_m,
-        surface_rmse_m=float(np.sqrt(np.mean(pairs.residual_m[used] ** 2))) if used.any() else float("nan"),
+        surface_rmse_m=float(np.sqrt(np.mean(pairs.residual_m[used] ** 2))),
         range_noise_m=noise_m,
         segments=segments,
+    )
+
+
+def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+    """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
+    x = problem.straight
+    pose = problem.chain.pose(x)
+    A = pose.node_jacobians()
+    node_covariance = np.einsum("kai,i,kbi->kab", A, problem.prior_sd**2, A)
+    unseen = SegmentResult("not_scanned", 0, 0.0, float("nan"))
+    return in_scan_coordinates(
+        problem,
+        x,
+        node_covariance,
+        settings,
+        log,
+        clock,
+        status="not_scanned",
+        reasons=reasons,
+        rmse_m=float("nan"),
+        surface_rmse_m=float("nan"),
+        range_noise_m=float("nan"),
+        segments=(unseen,) * pose.n_segments,
+    )
+
+
+def in_scan_coordinates(
+    problem: Problem, x: Array, node_covariance: Array, settings: FitSettings, log: Log, clock: Clock, **known: Any
+) -> FitResult:
+    """Return the result of a chain at ``x``, from the element's frame into the scan's."""
+    chain = problem.chain
+    T = problem.element.placement.T_world_element
+    R = T[:3, :3]
+    limits = np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)
+    return FitResult(
+        element=problem.element,
+        nodes_m=chain.pose(x).nodes_m @ R.T + T[:3, 3],
+        nodes_covariance_m2=R @ node_covariance @ R.T,
+        q=x[BASE:].copy(),
+        joint_angles_rad=x[BASE:].reshape(-1, 3)[:, ::-1].copy(),
+        joint_limits_rad=limits[:, ::-1].copy(),
+        base_pose=T @ chain.base_pose(x),
         history=tuple(log.records),
         settings=settings,
         timings_s=clock.timings(),
+        **known,
     )
 
 

@@ -62,7 +62,7 @@ def settle(problem: Problem, found: Descended, settings: FitSettings, solver: So
     foreign = np.zeros(problem.element.segments, dtype=bool)
     misfit: SectionMisfit | None = None
     noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
-    found = _descend(problem, found.x, noise_m, foreign, settings, solver, log)
+    found = _descend(problem, found.x, noise_m, 0.5 * noise_m, foreign, settings, solver, log)
     for _ in range(MOST_ROUNDS):
         changed = False
         noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
@@ -79,7 +79,7 @@ def settle(problem: Problem, found: Descended, settings: FitSettings, solver: So
         if not changed and problem.may_slide and AXIAL not in problem.variables:
             changed = slide_seen(problem, found, objective, noise_m)
             problem = problem.released() if changed else problem
-        found = _descend(problem, found.x, noise_m, foreign, settings, solver, log)
+        found = _descend(problem, found.x, noise_m, 0.05 * noise_m, foreign, settings, solver, log)
         if not changed:
             break
     noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
@@ -87,12 +87,18 @@ def settle(problem: Problem, found: Descended, settings: FitSettings, solver: So
 
 
 def _descend(
-    problem: Problem, x: Array, noise_m: float, foreign: Mask, settings: FitSettings, solver: Solver, log: Log
+    problem: Problem,
+    x: Array,
+    noise_m: float,
+    stop_m: float,
+    foreign: Mask,
+    settings: FitSettings,
+    solver: Solver,
+    log: Log,
 ) -> Descended:
-    stop_m = max(2e-5, 0.05 * noise_m)
-    stage = Stage(
-        "full", problem.points, (ROBUST_SCALE * noise_m,), noise_m, 25, stop_m, ignored=foreign if foreign.any() else None
-    )
+    ignored = foreign if foreign.any() else None
+    scale_m = ROBUST_SCALE * noise_m
+    stage = Stage("full", problem.points, (scale_m,), noise_m, 25, max(2e-5, stop_m), ignored=ignored)
     return descend(problem, x, stage, settings, solver, log)
 
 

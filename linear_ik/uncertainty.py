@@ -13,19 +13,19 @@ from linear_ik.terms.objective import Objective
 Array = npt.NDArray[np.float64]
 
 MAD_TO_SD = 1.4826
-SMALLEST_NOISE_M = 2e-5
+SMALLEST_NOISE_M, LARGEST_NOISE_M = 2e-5, 0.010
 
 
 def noise_of(pairs: Correspondences, weights: Array | None = None) -> float:
     """Return the standard deviation of the matched points about the surface, robustly.
 
     The median of the absolute residuals of the points with weight, times 1.4826 (exact
-    for a normal distribution).
+    for a normal distribution). At most 10 mm: what scatters more is no surface.
     """
     residual = np.abs(pairs.residual_m if weights is None else pairs.residual_m[weights > 0])
     if not len(residual):
-        return float("nan")
-    return max(MAD_TO_SD * float(np.median(residual)), SMALLEST_NOISE_M)
+        return LARGEST_NOISE_M
+    return min(max(MAD_TO_SD * float(np.median(residual)), SMALLEST_NOISE_M), LARGEST_NOISE_M)
 
 
 def point_noise(points: Array, cloud: Array, rng: np.random.Generator) -> float:
