@@ -158,10 +158,17 @@ def test_fit_takes_its_options(folder, tmp_path):
     options = ["--search", "never", "--range-noise", "0.002", "--max-iterations", "3", "--solver", "osqp", "-q"]
     code = main(["fit", f"{folder}/beam.yaml", f"{folder}/scan.ply", f"{folder}/scan.ply", "-o", str(target), *options])
     result = read_result(target)
-    assert code == 0 and result.iterations <= 3
+    assert code == 0
     assert result.settings == linear_ik.FitSettings(
         search="never", range_noise_m=0.002, max_iterations=3, solver="osqp"
     )
+
+
+def test_max_iterations_are_the_most(folder, tmp_path):
+    options = ["--max-iterations", "3", "-q", "-o", f"{tmp_path}/r.json"]
+    assert main(["fit", f"{folder}/beam.yaml", f"{folder}/scan.ply", *options]) == 0
+    result = read_result(tmp_path / "r.json")
+    assert result.iterations <= 3 and result.status == "max_iterations"
 
 
 def test_quiet_is_silent(folder, tmp_path, capfd):
