@@ -17,7 +17,7 @@ Mask = npt.NDArray[np.bool_]
 COVERAGE_RADIUS = 0.02
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
-LEAST_SCANNED = 0.1
+LEAST_SCANNED = 0.2
 BESIDE = 16.0  # deviations; four times as far as a match
 MOST_SPREAD_M = 0.010
 
@@ -137,15 +137,19 @@ def judge(
     measured = [s.status == "measured" for s in segments]
     if sum(measured) < max(1.0, LEAST_SCANNED * n):
         near = int(sum(s.points for s in segments))
-        return "not_scanned", (f"the element is not in the scan: {near} points near it make up no surface of its section",)
+        return "not_scanned", (
+            f"the element is not in the scan: {near} points near it make up no surface of its section",
+        )
     reasons = []
-    for status, words in (("not_scanned", "not scanned"), ("inferred", "inferred from their neighbours only")):
-        which = [k + 1 for k, s in enumerate(segments) if s.status == status]
+    for kind, words in (("not_scanned", "not scanned"), ("inferred", "inferred from their neighbours only")):
+        which = [k + 1 for k, s in enumerate(segments) if s.status == kind]
         if which:
             reasons.append(f"{_segments(which)} {words}")
     smallest = float(np.ptp(problem.surface.corners, axis=0).min())
     if noise_m > max(0.006, 0.02 * smallest):
-        reasons.append(f"matched points scatter {noise_m * 1e3:.1f} mm about the surface: another section, or clutter, is likely")
+        reasons.append(
+            f"matched points scatter {noise_m * 1e3:.1f} mm about the surface: another section, or clutter, is likely"
+        )
     joints = sorted({int((i - BASE) // 3) + 1 for i in np.flatnonzero(pressed) if i >= BASE})
     if joints:
         reasons.append(f"joint limits active at {_segments(joints)}: the element bends more than it may")
@@ -155,7 +159,8 @@ def judge(
     if across_m.max() > MOST_SPREAD_M:
         worst = int(across_m.argmax())
         reasons.append(
-            f"the visible faces do not show all bending: node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)"
+            "the visible faces do not show all bending: "
+            f"node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)"
         )
     status: Status = "uncertain" if reasons else "converged"
     if along_m.max() > MOST_SPREAD_M:

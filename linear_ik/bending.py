@@ -188,13 +188,13 @@ def _joint_angles(element: Element, bends: Sequence[Bend | str], joint_angles_ra
             f"segment {k + 1} by {np.degrees(angles[k, axis]):g} degrees about {'xyz'[axis]}",
             f"up to {limit:g} degrees each way, the element's joint_limit_deg",
         )
-    return np.clip(angles, -element.joint_limit_rad, element.joint_limit_rad)
+    return np.asarray(np.clip(angles, -element.joint_limit_rad, element.joint_limit_rad))
 
 
 def _rotations(angles: Array) -> Array:
     """Return R = Rz Ry Rx [N][3][3] of angles [N][3] about x, y, z."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
-    return np.array(
+    return np.asarray(
         [
             [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
             [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],

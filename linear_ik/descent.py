@@ -190,7 +190,9 @@ def _record(
 ) -> None:
     total = float(weights.sum())
     rms = float(np.sqrt(weights @ pairs.residual_m**2 / total)) if total > 0 else float("nan")
-    base = log.T_world_element @ problem.chain.base_pose(x) if log.on_iteration or x[:BASE].any() else log.T_world_element
+    base = (
+        log.T_world_element @ problem.chain.base_pose(x) if log.on_iteration or x[:BASE].any() else log.T_world_element
+    )
     record = IterationRecord(
         iteration=len(log.records) + 1,
         phase=stage.phase,

@@ -12,8 +12,7 @@ from threadpoolctl import threadpool_limits
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
-from linear_ik.correspondence import Correspondences
-from linear_ik.descent import Descended, Log, Stage, descend, robust_weights, step_objective
+from linear_ik.descent import Descended, Log, Stage, descend, step_objective
 from linear_ik.element import Element
 from linear_ik.ik_step import Solver, make_solver
 from linear_ik.problem import Problem, thinned
@@ -70,7 +69,13 @@ def _fit(
     rng = np.random.default_rng(settings.seed)
     clock.lap("prepare")
     if len(problem.points) < LEAST_POINTS:
-        return absent(problem, (f"the element is not in the scan: {len(problem.points)} points in its reach",), settings, log, clock)
+        return absent(
+            problem,
+            (f"the element is not in the scan: {len(problem.points)} points in its reach",),
+            settings,
+            log,
+            clock,
+        )
 
     coarse = problem.points
     if len(coarse) > COARSE_POINTS_A_SEGMENT * element.segments:

@@ -135,7 +135,7 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
             if np.isin(joints, moving).all():
                 second_moment = np.mean(mean[joints] ** 2 + variance[joints])
                 sd[joints] = np.clip(np.sqrt(second_moment), STIFFEST_RAD, LOOSEST_RAD)
-    return sd
+    return np.asarray(sd)
 
 
 def slide_seen(problem: Problem, found: Descended, objective: Objective, noise_m: float) -> bool:

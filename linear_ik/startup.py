@@ -176,12 +176,16 @@ class Startup:
         if joint == 0:
             low, high = low + chain.lower[4:6], high + chain.upper[4:6]
         widest = np.radians(9.5) if joint == 0 and self.floating else np.pi / 2
-        rings = np.radians([0.0, 1.5, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 21.0, 27.0, 34.0, 42.0, 51.0, 60.0, 70.0, 80.0, 90.0])
+        rings = np.radians(
+            [0.0, 1.5, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 21.0, 27.0, 34.0, 42.0, 51.0, 60.0, 70.0, 80.0, 90.0]
+        )
         rings = rings[rings <= max(widest, 1e-9)]
         around = np.arange(16) * (2 * np.pi / 16)
         tilt, azimuth = (g.ravel() for g in np.meshgrid(rings, around))
         # Direction (sin t cos a, sin t sin a, cos t) as Ry(y) Rx(x) applied to Z.
-        candidates = np.column_stack([np.arctan2(np.sin(tilt) * np.cos(azimuth), np.cos(tilt)), -np.arcsin(np.sin(tilt) * np.sin(azimuth))])
+        candidates = np.column_stack(
+            [np.arctan2(np.sin(tilt) * np.cos(azimuth), np.cos(tilt)), -np.arcsin(np.sin(tilt) * np.sin(azimuth))]
+        )
         if joint:
             candidates = np.concatenate([candidates, x[None, [rows[0] - 3, rows[1] - 3]]])
         inside = ((candidates >= low - 1e-12) & (candidates <= high + 1e-12)).all(axis=1)

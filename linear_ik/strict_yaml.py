@@ -28,7 +28,7 @@ class StrictLoader(yaml.SafeLoader):
 
     def compose_node(self, parent: yaml.Node | None, index: int) -> yaml.Node | None:
         """Compose a node after a look at what it is."""
-        event = self.peek_event()
+        event = self.peek_event()  # type: ignore[no-untyped-call]
         tag = getattr(event, "tag", None)
         if isinstance(event, yaml.AliasEvent) or tag is not None:
             what = f"tag {tag}" if tag is not None else f"alias *{event.anchor}"
@@ -86,5 +86,9 @@ for _tag, _pattern, _first in (
 ):
     StrictLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
 
+def _whole_number(loader: StrictLoader, node: yaml.ScalarNode) -> int:
+    return whole_number(loader.construct_scalar(node))
+
+
 # SafeLoader's own reads 010 as octal and 1:30 as sexagesimal.
-StrictLoader.add_constructor("tag:yaml.org,2002:int", lambda loader, node: whole_number(loader.construct_scalar(node)))
+StrictLoader.add_constructor("tag:yaml.org,2002:int", _whole_number)

@@ -9,9 +9,9 @@ from functools import lru_cache
 from pathlib import Path
 from typing import TYPE_CHECKING
 
+from linear_ik.atomic import check_writable, write_atomically
 from linear_ik.element import Element
 from linear_ik.errors import OutputError
-from linear_ik.atomic import check_writable, write_atomically
 from linear_ik.profile import Circle, Profile, Rectangle
 from linear_ik.section import body_inertia, extruded_mesh
 

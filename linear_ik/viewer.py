@@ -14,9 +14,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.atomic import write_atomically
 from linear_ik.chain import Chain
 from linear_ik.element import Element
-from linear_ik.atomic import write_atomically
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
 from linear_ik.section import extruded_mesh

@@ -13,9 +13,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 
-def point_residual(
-    pose: Pose, pairs: Correspondences, weights: Array, columns: Index | None = None
-) -> Objective:
+def point_residual(pose: Pose, pairs: Correspondences, weights: Array, columns: Index | None = None) -> Objective:
     """Return the Gauss-Newton model of ``1/2 sum w r^2``, r the distance to the face.
 
     A face of segment k that moves with the twist (v, w) moves the residual of a point
