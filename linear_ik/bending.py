@@ -194,13 +194,14 @@ def _joint_angles(element: Element, bends: Sequence[Bend | str], joint_angles_ra
 def _rotations(angles: Array) -> Array:
     """Return R = Rz Ry Rx [N][3][3] of angles [N][3] about x, y, z."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
-    return np.asarray(
+    rows: Array = np.array(
         [
             [cz * cy, cz * sy * sx - sz * cx, cz * sy * cx + sz * sx],
             [sz * cy, sz * sy * sx + cz * cx, sz * sy * cx - cz * sx],
             [-sy, cy * sx, cy * cx],
         ]
-    ).transpose(2, 0, 1)
+    )
+    return np.asarray(rows.transpose(2, 0, 1))
 
 
 def _rigid(displacement: npt.ArrayLike | None) -> Array:
