@@ -11,11 +11,9 @@ from typing import Annotated
 import typer
 
 from linear_ik.cli import demo, fit, simulate, urdf, view
-from linear_ik.cli.process import BROKEN_PIPE, explain, was_interrupted
+from linear_ik.cli.process import BROKEN_PIPE, INTERRUPTED, explain, was_interrupted
 
 NAME = "linear-ik"
-# What newer typers return after Ctrl-C; older ones raise Abort.
-INTERRUPTED = 130
 
 app = typer.Typer(
     name=NAME,

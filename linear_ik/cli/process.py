@@ -19,6 +19,7 @@ from linear_ik.errors import LinearIkError
 BAD_INPUT = 2
 NOT_SCANNED = 3
 INTERNAL = 1
+INTERRUPTED = 130
 BROKEN_PIPE = 141
 
 
@@ -41,8 +42,12 @@ class Verb(typer.core.TyperCommand):
     def invoke(self, ctx: Any) -> int:
         """Run the verb, then print what was asked for."""
         defer_plots()
-        with stdout_aside():
-            outcome = super().invoke(ctx)
+        try:
+            with stdout_aside():
+                outcome = super().invoke(ctx)
+        except KeyboardInterrupt:
+            # typers differ in what they make of it.
+            raise typer.Exit(INTERRUPTED) from None
         if not isinstance(outcome, Outcome):
             return 0
         if outcome.text:
