@@ -8,6 +8,7 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
+from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -31,6 +32,24 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 
+class Paired(NamedTuple):
+    """Matches of one iteration.
+
+    Attributes:
+        pairs: what was matched to what.
+        weights: [P] weight of each match.
+        scale_m: distance that the weights were made with.
+    """
+
+    pairs: Any
+    weights: Array
+    scale_m: float
+
+
+Pairing = Callable[[Problem, Pose, "Stage", int], Paired]
+PointTerm = Callable[[Pose, Any, Array, Index], Objective]
+
+
 @dataclass(frozen=True, eq=False)
 class Stage:
     """One run of the loop.
@@ -47,6 +66,9 @@ class Stage:
         first: leave out the segments before this one (from 0).
         variables: [n] the variables that move; all movable ones when None.
         ignored: [N] segments whose matches have no weight, or None.
+        pair: finds and weighs the matches of an iteration.
+        term: what the matches ask of the step.
+        close_m: converged too when no match is farther apart.
     """
 
     phase: str
@@ -59,6 +81,9 @@ class Stage:
     first: int = 0
     variables: Index | None = None
     ignored: npt.NDArray[np.bool_] | None = None
+    pair: Pairing = field(default_factory=lambda: on_surface)
+    term: PointTerm = point_residual
+    close_m: float = 0.0
 
 
 @dataclass(eq=False)
@@ -94,15 +119,11 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
     chain = problem.chain
     moving = problem.variables if stage.variables is None else stage.variables
     lower, upper = chain.lower[moving], chain.upper[moving]
-    lam = Damping(settings.damping)
+    lam = Damping(settings.weights.damping)
     pose, cost, converged = chain.pose(x), np.inf, False
-    for i in range(stage.iterations):
-        scale_m = stage.scales_m[min(i, len(stage.scales_m) - 1)]
-        pairs = problem.matcher.match(pose, stage.points, stage.segments, stage.first)
-        weights = robust_weights(pairs.distance_m, scale_m)
-        if stage.ignored is not None:
-            weights[stage.ignored[pairs.segment]] = 0.0
-        objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings, moving)
+    for i in range(min(stage.iterations, settings.max_iterations)):
+        pairs, weights, scale_m = stage.pair(problem, pose, stage, i)
+        objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings, moving, stage.term)
         dx, lam = damped_step(
             objective,
             lam,
@@ -119,10 +140,21 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
         lam = lam.after(cost <= previous)
         _record(log, stage, pairs, weights, scale_m, lam.weight, float(np.abs(dx).max()), x, problem)
         moved_m = float(np.abs(pose.nodes_m - before.nodes_m).max())
-        if moved_m < stage.stop_m and i + 1 >= len(stage.scales_m):
+        close = stage.close_m > 0.0 and float(pairs.distance_m.max(initial=np.inf)) < stage.close_m
+        if close or (moved_m < stage.stop_m and i + 1 >= len(stage.scales_m)):
             converged = True
             break
     return Descended(x, pose, pairs, weights, converged)
+
+
+def on_surface(problem: Problem, pose: Pose, stage: Stage, i: int) -> Paired:
+    """Pair each scan point with the nearest face, weighed robustly by its distance."""
+    scale_m = stage.scales_m[min(i, len(stage.scales_m) - 1)]
+    pairs = problem.matcher.match(pose, stage.points, stage.segments, stage.first)
+    weights = robust_weights(pairs.distance_m, scale_m)
+    if stage.ignored is not None:
+        weights[stage.ignored[pairs.segment]] = 0.0
+    return Paired(pairs, weights, scale_m)
 
 
 def damped_step(
@@ -154,18 +186,19 @@ def step_objective(
     noise_m: float,
     settings: FitSettings,
     moving: Index | None = None,
+    term: PointTerm = point_residual,
 ) -> Objective:
     """Return the sum of all terms but the damping, over some variables or all [6 + 3N]."""
     moving = np.arange(len(x)) if moving is None else moving
-    objective = point_residual(pose, pairs, weights, moving)
+    objective = term(pose, pairs, weights, moving)
     information = objective.mean_information()
     objective += prior(x[moving], np.zeros(len(moving)), (noise_m / problem.prior_sd[moving]) ** 2)
     if problem.element.end != "free" and pose.n_segments == len(pairs.starts) - 1:
         objective += end_support(problem.element, pose, noise_m**2).of(moving)
-    if settings.continuity:
-        objective += continuity(x, settings.continuity * information).of(moving)
-    if settings.directional:
-        objective += directional_constraint(x, settings.directional * information).of(moving)
+    if settings.weights.continuity:
+        objective += continuity(x, settings.weights.continuity * information).of(moving)
+    if settings.weights.directional:
+        objective += directional_constraint(x, settings.weights.directional * information).of(moving)
     return objective
 
 

@@ -14,12 +14,13 @@ from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spr
 from linear_ik.chain import BASE
 from linear_ik.descent import Descended, Log, Stage, descend, step_objective
 from linear_ik.element import Element
+from linear_ik.icpik import icpik
 from linear_ik.ik_step import Solver, make_solver
 from linear_ik.problem import Problem, thinned
 from linear_ik.result import FitResult, IterationRecord, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
-from linear_ik.settlement import ROBUST_SCALE, Settled, settle
+from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
 from linear_ik.startup import Startup
 from linear_ik.surface import Surface
 from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
@@ -76,6 +77,11 @@ def _fit(
             log,
             clock,
         )
+
+    if settings.method == "icpik":
+        found = icpik(problem, settings, solver, log)
+        clock.lap("icpik")
+        return conclude(measured(problem, found, settings), settings, log, clock)
 
     coarse = problem.points
     if len(coarse) > COARSE_POINTS_A_SEGMENT * element.segments:

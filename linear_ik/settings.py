@@ -4,11 +4,28 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
-from typing import Literal, get_args
+from typing import Literal, NamedTuple, get_args
 
 from linear_ik.errors import SettingsError
 
+Method = Literal["default", "icpik"]
 Search = Literal["auto", "always", "never"]
+
+
+class TermWeights(NamedTuple):
+    """Weights of the terms lambda, Q and C, relative to the mean information of a variable."""
+
+    damping: float
+    continuity: float
+    directional: float
+
+
+# The default needs no damping but for conditioning, and no shape priors: they bias. The
+# paper gives no constants for its own.
+TERM_WEIGHTS: dict[Method, TermWeights] = {
+    "default": TermWeights(damping=1e-6, continuity=0.0, directional=0.0),
+    "icpik": TermWeights(damping=1e-3, continuity=1e-3, directional=1e-3),
+}
 
 
 @dataclass(frozen=True)
@@ -16,10 +33,12 @@ class FitSettings:
     """Settings of one fit; the defaults are what the project knows to be best.
 
     Attributes:
-        max_iterations: cap on the iterations of all phases together.
+        method: "default", or "icpik" for the paper's algorithm.
+        max_iterations: cap on the iterations of one descent (the search makes many short ones).
         range_noise_m: standard deviation of the scanner, or None to estimate it.
         damping: weight of the damping term, relative to the mean information of a
-            variable (lambda of the paper's eq. 4); adapted between iterations.
+            variable (lambda of the paper's eq. 4); adapted between iterations. None, here
+            and below, stands for the method's own.
         continuity: weight of the continuity term Q, relative; 0 leaves it out.
         directional: weight of the directional constraint C, relative; 0 leaves it out.
         max_step_rad: largest change of a joint in one iteration.
@@ -32,18 +51,24 @@ class FitSettings:
         SettingsError: a value out of its range, named.
     """
 
-    max_iterations: int = 2000
+    method: Method = "default"
+    max_iterations: int = 100
     range_noise_m: float | None = None
-    damping: float = 1e-6
-    continuity: float = 0.0
-    directional: float = 0.0
+    damping: float | None = None
+    continuity: float | None = None
+    directional: float | None = None
     max_step_rad: float = 0.3
     search: Search = "auto"
     solver: str = "osqp"
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check every field."""
+        """Check every field, and fill in the method's own weights."""
+        if self.method not in get_args(Method):
+            raise SettingsError("method", f"{self.method!r}", "one of " + ", ".join(get_args(Method)))
+        for name, own in TERM_WEIGHTS[self.method]._asdict().items():
+            if getattr(self, name) is None:
+                object.__setattr__(self, name, own)
         for name, low, high in (
             ("damping", 0.0, 1e6),
             ("continuity", 0.0, 1e6),
@@ -63,3 +88,10 @@ class FitSettings:
                 raise SettingsError(name, f"{getattr(self, name)!r}", "a whole number")
         if self.search not in get_args(Search):
             raise SettingsError("search", f"{self.search!r}", "one of " + ", ".join(get_args(Search)))
+
+    @property
+    def weights(self) -> TermWeights:
+        """The weights of the terms, the method's own where none were given."""
+        own = TERM_WEIGHTS[self.method]
+        given = (self.damping, self.continuity, self.directional)
+        return TermWeights(*(o if g is None else g for g, o in zip(given, own, strict=True)))

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import BASE
-from linear_ik.descent import Descended, Log, Stage, descend, step_objective
+from linear_ik.descent import Descended, Log, Stage, descend, on_surface, step_objective
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
@@ -86,6 +86,15 @@ def settle(problem: Problem, found: Descended, settings: FitSettings, solver: So
     return Settled(problem, found, noise_m, foreign, _matched(found, noise_m), misfit)
 
 
+def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settled:
+    """Return another method's fit as it stands, measured by the distance of all points to its surface."""
+    pairs, weights, _ = on_surface(problem, found.pose, Stage("measure", problem.points), 0)
+    noise_m = settings.range_noise_m or noise_of(pairs)
+    pairs, weights, _ = on_surface(problem, found.pose, Stage("measure", problem.points, (ROBUST_SCALE * noise_m,)), 0)
+    found = Descended(found.x, found.pose, pairs, weights, found.converged)
+    return Settled(problem, found, noise_m, np.zeros(problem.element.segments, bool), _matched(found, noise_m), None)
+
+
 def _descend(
     problem: Problem,
     x: Array,
@@ -98,7 +107,9 @@ def _descend(
 ) -> Descended:
     ignored = foreign if foreign.any() else None
     scale_m = ROBUST_SCALE * noise_m
-    stage = Stage("full", problem.points, (scale_m,), noise_m, 25, max(2e-5, stop_m), ignored=ignored)
+    stage = Stage(
+        "full", problem.points, (scale_m,), noise_m, settings.max_iterations, max(2e-5, stop_m), ignored=ignored
+    )
     return descend(problem, x, stage, settings, solver, log)
 
 
