@@ -82,7 +82,7 @@ def fit(
 
     design = load_element(element)
     progress = Progress(quiet)
-    with progress.stage("reading " + ", ".join(str(path) for path in scan)):
+    with progress.stage("reading " + ", ".join(str(path) for path in scan), judges_input=True):
         from linear_ik.readers import read_scan
 
         points = read_scan(*scan)

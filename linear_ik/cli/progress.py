@@ -31,9 +31,14 @@ class Progress:
         self._text = ""
 
     @contextmanager
-    def stage(self, text: str) -> Iterator[None]:
-        """Show ``text`` while the block runs, once it takes long enough."""
-        if self._quiet:
+    def stage(self, text: str, judges_input: bool = False) -> Iterator[None]:
+        """Show ``text`` while the block runs, once it takes long enough.
+
+        Args:
+            text: what is being done.
+            judges_input: the stage may end in an error, which has to be the only line.
+        """
+        if self._quiet or (judges_input and not self._terminal):
             yield
             return
         self._text = text

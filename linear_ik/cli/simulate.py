@@ -58,7 +58,7 @@ def simulate(
 
     design = load_element(element)
     progress = Progress()
-    with progress.stage(f"simulating {points:,} points"):
+    with progress.stage(f"simulating {points:,} points", judges_input=True):
         from linear_ik.simulate import simulate as simulate_scan
 
         try:

@@ -55,7 +55,7 @@ def view(
             raise LinearIkError(kinds[kind][1], f"is a second {kind}", "one")
 
     progress = Progress()
-    with progress.stage("reading"):
+    with progress.stage("reading", judges_input=True):
         from linear_ik.element_file import load_element
         from linear_ik.exports.result_json import read_result
 
