@@ -67,17 +67,8 @@ class OsqpStep:
             StepError: H is not positive definite or not finite, or OSQP gives up.
         """
         n = len(lower)
-        diagonal = np.diag(objective.H)
-        if not (np.isfinite(objective.H).all() and np.isfinite(objective.c).all() and (diagonal > 0).all()):
-            raise StepError("IK step", "H or c not finite, or a variable without information", "a positive definite H")
-        scale = 1.0 / np.sqrt(diagonal)
-        H = objective.H * scale * scale[:, None]
-        c = objective.c * scale
+        H, c, scale, factor = _scaled(objective)
         low, high = lower / scale, upper / scale
-        try:
-            factor = scipy.linalg.cho_factor(H, check_finite=False)
-        except scipy.linalg.LinAlgError:
-            raise StepError("IK step", "H is not positive definite", "damping above 0") from None
         x, y = scipy.linalg.cho_solve(factor, -c, check_finite=False), np.zeros(n)
         if not ((x >= low) & (x <= high)).all():
             x, y = _active_set(H, c, low, high, x, y) or (np.minimum(np.maximum(x, low), high), y)
@@ -88,8 +79,10 @@ class OsqpStep:
         if solution.info.status_val not in (SOLVED, SOLVED_INACCURATE):
             raise StepError("IK step", f"OSQP: {solution.info.status}", "a solved quadratic program")
         # A start that OSQP's first check confirms is the answer, to the last bit.
-        dx = x if solution.info.iter == 1 else np.asarray(solution.x)
-        return np.minimum(np.maximum(dx * scale, lower), upper)
+        if solution.info.iter > 1:
+            x, y = np.asarray(solution.x), np.asarray(solution.y)
+            x, _ = _active_set(H, c, low, high, x, y) or (x, y)
+        return _put_back(x, low, high, scale, lower, upper)
 
     def _workspace(self, n: int) -> tuple[Any, tuple[Index, Index]]:
         if n not in self._workspaces:
@@ -121,7 +114,7 @@ def _active_set(H: Array, c: Array, low: Array, high: Array, x: Array, y: Array)
 
     Hold the variables that x and y put on their bounds, solve for the others, look again
     (Hintermueller, Ito and Kunisch 2002). A few rounds where it converges, which it need
-    not; so it only tells OSQP where to start.
+    not; so it only tells OSQP where to start, and puts the last bits to a solution.
     """
     for _ in range(MOST_ROUNDS):
         at_low, at_high = y + (x - low) < 0.0, y + (x - high) > 0.0
@@ -140,8 +133,41 @@ def _active_set(H: Array, c: Array, low: Array, high: Array, x: Array, y: Array)
 def _through_qpsolvers(name: str, objective: Objective, lower: Array, upper: Array) -> Array:
     import qpsolvers
 
-    H = scipy.sparse.csc_matrix(objective.H) if name in qpsolvers.sparse_solvers else objective.H
-    dx = qpsolvers.solve_qp(H, objective.c, lb=lower, ub=upper, solver=name)
-    if dx is None or not np.isfinite(dx).all():
+    H, c, scale, _ = _scaled(objective)
+    low, high = lower / scale, upper / scale
+    P = scipy.sparse.csc_matrix(H) if name in qpsolvers.sparse_solvers else H
+    try:
+        x = qpsolvers.solve_qp(P, c, lb=low, ub=high, solver=name)
+    except Exception as error:  # each solver raises its own
+        raise StepError("IK step", f"{name}: {error}", "a solved quadratic program") from None
+    if x is None or not np.isfinite(x).all():
         raise StepError("IK step", f"{name} found no solution", "a solved quadratic program")
+    # Interior-point methods stop short of the bounds.
+    x, _ = _active_set(H, c, low, high, x, -(H @ x + c)) or (x, None)
+    return _put_back(x, low, high, scale, lower, upper)
+
+
+def _scaled(objective: Objective) -> tuple[Array, Array, Array, tuple[Array, bool]]:
+    """Return H and c of the program in dx / scale, whose H has a unit diagonal; scale; H's Cholesky factor.
+
+    Raises:
+        StepError: H is not positive definite or not finite.
+    """
+    diagonal = np.diag(objective.H)
+    if not (np.isfinite(objective.H).all() and np.isfinite(objective.c).all() and (diagonal > 0).all()):
+        raise StepError("IK step", "H or c not finite, or a variable without information", "a positive definite H")
+    scale = 1.0 / np.sqrt(diagonal)
+    H = objective.H * scale * scale[:, None]
+    try:
+        return H, objective.c * scale, scale, scipy.linalg.cho_factor(H, check_finite=False)
+    except scipy.linalg.LinAlgError:
+        raise StepError("IK step", "H is not positive definite", "damping above 0") from None
+
+
+def _put_back(x: Array, low: Array, high: Array, scale: Array, lower: Array, upper: Array) -> Array:
+    """Return the scaled solution x as dx within the box.
+
+    Scaling there and back would leave a variable on its limit an ulp short of it.
+    """
+    dx = np.where(x <= low, lower, np.where(x >= high, upper, x * scale))
     return np.asarray(np.minimum(np.maximum(dx, lower), upper))
