@@ -8,6 +8,7 @@ built against it. A face is one edge of the outline; a round section is one face
 from __future__ import annotations
 
 from dataclasses import dataclass
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -49,6 +50,16 @@ class Surface:
         tangents = edges / widths[:, None]
         normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
         return cls(corners, tangents, normals, widths, radius_m)
+
+    @cached_property
+    def _sharp_corners(self) -> Array:
+        """[E] 1 at a corner that sticks out sharper than a right angle, -1 at one that cuts in so, else 0.
+
+        A point off such a corner may lie on the wrong side of its face's plane.
+        """
+        before, after = np.roll(self.tangents, 1, axis=0), self.tangents
+        turn = np.sign(before[:, 0] * after[:, 1] - before[:, 1] * after[:, 0])
+        return np.where(np.einsum("ij,ij->i", before, after) < 0, turn, 0.0)
 
     def scaled(self, scale: Array) -> Surface:
         """Return the faces of the section stretched by ``scale`` [2] along its x and y."""
@@ -105,7 +116,8 @@ class Surface:
         if len(corner):
             offset = distance[corner, None] * normal[corner] + past[corner, None] * self.tangents[edge[corner]]
             length = np.linalg.norm(offset, axis=1)
-            sign = np.where(distance[corner] < 0, -1.0, 1.0)
+            sharp = self._sharp_corners[(edge[corner] + (past[corner] > 0)) % len(self.corners)]
+            sign = np.where(sharp != 0, sharp, np.where(distance[corner] < 0, -1.0, 1.0))
             distance[corner] = sign * length
             normal[corner] = offset * (sign / length)[:, None]
         return distance, normal
