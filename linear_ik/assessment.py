@@ -10,6 +10,7 @@ from linear_ik.correspondence import Correspondences
 from linear_ik.problem import Problem
 from linear_ik.result import SegmentResult, SegmentStatus, Status
 from linear_ik.surface import Surface
+from linear_ik.tally import Tally
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -18,12 +19,11 @@ COVERAGE_RADIUS = 0.02
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
-BESIDE = 16.0  # deviations; four times as far as a match
 MOST_SPREAD_M = 0.010
 
 
 def assess_segments(
-    problem: Problem, pose: Pose, pairs: Correspondences, used: Mask, foreign: Mask, noise_m: float
+    problem: Problem, pose: Pose, counted: Tally, pairs: Correspondences, used: Mask, foreign: Mask
 ) -> tuple[SegmentResult, ...]:
     """Return status, points, coverage and residual of each segment.
 
@@ -33,23 +33,20 @@ def assess_segments(
     Args:
         problem: what was fitted.
         pose: the fitted chain.
-        pairs: matches of all points.
-        used: [P] the matches on the surface.
+        counted: sums over all points.
+        pairs: matches of a sample of them.
+        used: [P] the sample's matches on the surface.
         foreign: [N] segments whose points were ignored; neighbours and priors fix them.
-        noise_m: standard deviation of the matched points.
     """
-    segment = pairs.segment[used]
-    count = np.bincount(segment, minlength=pose.n_segments)
-    squares = np.bincount(segment, pairs.residual_m[used] ** 2, minlength=pose.n_segments)
+    count = counted.matched
     covered = coverage(problem, pose, pairs, used)
-    beside = np.bincount(pairs.segment[pairs.distance_m <= BESIDE * noise_m], minlength=pose.n_segments) - count
-    seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE) & (count >= beside)
+    seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE) & (count >= counted.beside)
     seen &= ~foreign
     last = int(np.flatnonzero(seen | foreign)[-1]) if seen.any() else -1
     out = []
     for k in range(pose.n_segments):
         status: SegmentStatus = "measured" if seen[k] else ("inferred" if k <= last else "not_scanned")
-        rmse = float(np.sqrt(squares[k] / count[k])) if count[k] else float("nan")
+        rmse = float(np.sqrt(counted.squares_m2[k] / count[k])) if count[k] else float("nan")
         out.append(SegmentResult(status, int(count[k]), float(covered[k]), rmse))
     return tuple(out)
 

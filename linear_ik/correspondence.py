@@ -76,12 +76,12 @@ class Matcher:
         vertices = vertices @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
         for mesh in vertices.astype(np.float32):
             scene.add_triangles(self._core.Tensor(mesh), self._triangles)
-        hit = scene.compute_closest_points(self._core.Tensor(points.astype(np.float32)))
+        hit = scene.compute_closest_points(self._core.Tensor(np.ascontiguousarray(points, dtype=np.float32)))
         segment = hit["geometry_ids"].numpy() + np.uint32(first)
         order = np.argsort(segment.astype(np.uint8 if n < 256 else np.uint16), kind="stable")
         starts = np.concatenate([[0], np.cumsum(np.bincount(segment, minlength=n))])
         face = hit["primitive_ids"].numpy()[order].astype(np.intp) // 2
-        local = points[order]
+        local = points[order].astype(np.float64, copy=False)
         for k in range(first, n):
             rows = slice(starts[k], starts[k + 1])
             local[rows] = (local[rows] - pose.nodes_m[k]) @ pose.rotations[k]

@@ -121,8 +121,10 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
     lower, upper = chain.lower[moving], chain.upper[moving]
     lam = Damping(settings.weights.damping)
     pose, cost, converged = chain.pose(x), np.inf, False
-    for i in range(min(stage.iterations, settings.max_iterations)):
+    for i in range(stage.iterations):
         pairs, weights, scale_m = stage.pair(problem, pose, stage, i)
+        if len(log.records) >= settings.max_iterations:
+            break
         objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings, moving, stage.term)
         dx, lam = damped_step(
             objective,
@@ -138,7 +140,8 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
         before, pose = pose, chain.pose(x)
         previous, cost = cost, float(weights @ pairs.residual_m**2)
         lam = lam.after(cost <= previous)
-        _record(log, stage, pairs, weights, scale_m, lam.weight, float(np.abs(dx).max()), x, problem)
+        matched, rms_m = int(np.count_nonzero(weights)), float(np.sqrt(cost / max(weights.sum(), 1e-300)))
+        record(problem, log, stage.phase, matched, rms_m, scale_m, lam.weight, float(np.abs(dx).max()), x)
         moved_m = float(np.abs(pose.nodes_m - before.nodes_m).max())
         close = stage.close_m > 0.0 and float(pairs.distance_m.max(initial=np.inf)) < stage.close_m
         if close or (moved_m < stage.stop_m and i + 1 >= len(stage.scales_m)):
@@ -191,9 +194,29 @@ def step_objective(
     """Return the sum of all terms but the damping, over some variables or all [6 + 3N]."""
     moving = np.arange(len(x)) if moving is None else moving
     objective = term(pose, pairs, weights, moving)
-    information = objective.mean_information()
-    objective += prior(x[moving], np.zeros(len(moving)), (noise_m / problem.prior_sd[moving]) ** 2)
-    if problem.element.end != "free" and pose.n_segments == len(pairs.starts) - 1:
+    grown = len(pairs.starts) - 1
+    return objective + other_terms(problem, x, pose, objective, noise_m, settings, moving, grown)
+
+
+def other_terms(
+    problem: Problem,
+    x: Array,
+    pose: Pose,
+    points: Objective,
+    noise_m: float,
+    settings: FitSettings,
+    moving: Index | None = None,
+    grown: int | None = None,
+) -> Objective:
+    """Return the sum of all terms but the points' and the damping.
+
+    The end's support counts once the whole chain has ``grown``; Q and C are weighed
+    against the information of the ``points``.
+    """
+    moving = np.arange(len(x)) if moving is None else moving
+    information = points.mean_information()
+    objective = prior(x[moving], np.zeros(len(moving)), (noise_m / problem.prior_sd[moving]) ** 2)
+    if problem.element.end != "free" and grown in (None, pose.n_segments):
         objective += end_support(problem.element, pose, noise_m**2).of(moving)
     if settings.weights.continuity:
         objective += continuity(x, settings.weights.continuity * information).of(moving)
@@ -210,33 +233,30 @@ def robust_weights(distance_m: Array, scale_m: float) -> Array:
     return np.where(ratio <= 9.0, 1.0 / (1.0 + ratio) ** 2, 0.0)
 
 
-def _record(
+def record(
+    problem: Problem,
     log: Log,
-    stage: Stage,
-    pairs: Correspondences,
-    weights: Array,
+    phase: str,
+    points: int,
+    rms_m: float,
     scale_m: float,
     damping_weight: float,
     step_rad: float,
     x: Array,
-    problem: Problem,
 ) -> None:
-    total = float(weights.sum())
-    rms = float(np.sqrt(weights @ pairs.residual_m**2 / total)) if total > 0 else float("nan")
-    base = (
-        log.T_world_element @ problem.chain.base_pose(x) if log.on_iteration or x[:BASE].any() else log.T_world_element
-    )
-    record = IterationRecord(
+    """Note an iteration in the history, and tell whoever listens."""
+    T, base = log.T_world_element, problem.chain.base_pose(x) if x[:BASE].any() else np.eye(4)
+    entry = IterationRecord(
         iteration=len(log.records) + 1,
-        phase=stage.phase,
-        points=int(np.count_nonzero(weights)),
-        surface_rmse_m=rms,
+        phase=phase,
+        points=points,
+        surface_rmse_m=rms_m if points else float("nan"),
         scale_m=scale_m,
         damping=damping_weight,
         step_rad=step_rad,
         q=x[BASE:].copy(),
-        base_pose=base,
+        base_pose=T @ base,
     )
-    log.records.append(record)
+    log.records.append(entry)
     if log.on_iteration is not None:
-        log.on_iteration(record)
+        log.on_iteration(entry)

@@ -12,23 +12,27 @@ from threadpoolctl import threadpool_limits
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
-from linear_ik.descent import Descended, Log, Stage, descend, step_objective
+from linear_ik.descent import Descended, Log, Stage, descend
 from linear_ik.element import Element
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import Solver, make_solver
-from linear_ik.problem import Problem, thinned
+from linear_ik.problem import Problem, sample, thinned
 from linear_ik.result import FitResult, IterationRecord, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
 from linear_ik.startup import Startup
 from linear_ik.surface import Surface
+from linear_ik.tally import nearby
 from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
 
 Array = npt.NDArray[np.float64]
 
+ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
+SETTLE_POINTS_A_SEGMENT = 300
+NEAR_M = 0.1  # after a search, only points this near to the chain are looked at again
 SEARCH_POINTS_A_SEGMENT = 300
 
 
@@ -67,35 +71,34 @@ def _fit(
     solver = make_solver(settings.solver)
     log = Log(on_iteration, element.placement.T_world_element)
     problem = Problem.of(element, scan)
-    rng = np.random.default_rng(settings.seed)
+    rng, n = np.random.default_rng(settings.seed), element.segments
     clock.lap("prepare")
     if len(problem.points) < LEAST_POINTS:
-        return absent(
-            problem,
-            (f"the element is not in the scan: {len(problem.points)} points in its reach",),
-            settings,
-            log,
-            clock,
-        )
+        return absent(problem, (f"{ABSENT}: {len(problem.points)} points in its reach",), settings, log, clock)
 
     if settings.method == "icpik":
         found = icpik(problem, settings, solver, log)
         clock.lap("icpik")
         return conclude(measured(problem, found, settings), settings, log, clock)
 
-    coarse = problem.points
-    if len(coarse) > COARSE_POINTS_A_SEGMENT * element.segments:
-        coarse = rng.permutation(coarse)[: COARSE_POINTS_A_SEGMENT * element.segments]
-    found = plain(problem, coarse, settings, solver, log)
+    found = plain(problem, sample(problem.points, COARSE_POINTS_A_SEGMENT * n, rng), settings, solver, log)
     clock.lap("coarse")
-
     if settings.search == "always" or (settings.search == "auto" and not believable(problem, found)):
         found = searched(problem, found, settings, solver, log, rng)
+        problem = problem.seeing(nearby(problem, found.pose, NEAR_M))
         clock.lap("search")
+        if len(problem.points) < LEAST_POINTS:
+            return absent(problem, (f"{ABSENT}: no points make up its surface",), settings, log, clock)
 
-    settled = settle(problem, found, settings, solver, log)
-    clock.lap("full")
+    settled = settle(problem, found, sample(problem.points, sample_size(problem), rng), settings, solver, log)
+    clock.lap("settle")
     return conclude(settled, settings, log, clock)
+
+
+def sample_size(problem: Problem) -> int:
+    """Return how many points the fit settles on: enough for each segment, and a share of large scans."""
+    least = SETTLE_POINTS_A_SEGMENT * problem.element.segments
+    return max(least, min(len(problem.points) // 3, 2 * least))
 
 
 def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver, log: Log) -> Descended:
@@ -150,13 +153,11 @@ def searched(
 
 def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     """Return the result of a settled fit, and the verdict on it."""
-    problem, found, noise_m = settled.problem, settled.found, settled.noise_m
-    pose, pairs, used = found.pose, found.pairs, settled.matched
-    objective = step_objective(problem, found.x, pose, pairs, found.weights, noise_m, settings)
-    S, node_covariance = covariance(problem, pose, objective, noise_m)
-    pressed = pressed_limits(problem, found.x, objective, S)
-    segments = assess_segments(problem, pose, pairs, used, settled.foreign, noise_m)
-    status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, found.converged)
+    problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
+    S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
+    pressed = pressed_limits(problem, settled.x, settled.objective, S)
+    segments = assess_segments(problem, pose, settled.tally, settled.pairs, settled.matched, settled.foreign)
+    status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status == "not_scanned":
         return absent(problem, reasons, settings, log, clock)
     if settled.foreign.any():
@@ -165,11 +166,11 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         if not settled.misfit.plausible:
             status = "uncertain" if status == "converged" else status
         reasons += (settled.misfit.sentence(Surface.of(problem.element.profile)),)
-    rmse_m = cloud_rmse(problem, pose, pairs, used, settings.seed)
+    rmse_m = cloud_rmse(problem, pose, settled.pairs, settled.matched, settings.seed)
     clock.lap("assess")
     return in_scan_coordinates(
         problem,
-        found.x,
+        settled.x,
         node_covariance,
         settings,
         log,
@@ -177,7 +178,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         status=status,
         reasons=reasons,
         rmse_m=rmse_m,
-        surface_rmse_m=float(np.sqrt(np.mean(pairs.residual_m[used] ** 2))),
+        surface_rmse_m=settled.tally.surface_rmse_m,
         range_noise_m=noise_m,
         segments=segments,
     )

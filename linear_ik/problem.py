@@ -16,6 +16,7 @@ from linear_ik.surface import Surface
 Array = npt.NDArray[np.float64]
 
 AXIAL = 2
+MANY_POINTS = 1_000_000
 BEND_SD_RAD = np.radians(10.0)
 TWIST_SD_RAD = np.radians(5.0)
 FIRST_JOINT_SD_RAD = np.radians(5.0)
@@ -51,11 +52,8 @@ class Problem:
         chain = Chain.of(element)
         surface = Surface.of(element.profile)
         T = element.placement.T_world_element
-        points = (scan.points - T[:3, 3]) @ T[:3, :3]
-        slack = np.linalg.norm(chain.upper[:3]) + surface.reach_m + 0.1
-        near = np.einsum("ij,ij->i", points, points) <= (element.length_m + slack) ** 2
-        if not near.all():
-            points = points[near]
+        slack_m = float(np.linalg.norm(chain.upper[:3])) + surface.reach_m + 0.1
+        points = in_reach(scan.points, T, element.length_m + slack_m)
         movable = chain.upper > chain.lower
         if surface.radius_m is not None:
             movable[BASE::3] = False
@@ -67,6 +65,10 @@ class Problem:
         return cls(
             element, chain, surface, Matcher(surface, chain.segment_length_m), points, np.flatnonzero(movable), sd
         )
+
+    def seeing(self, points: Array) -> Problem:
+        """Return the problem with other points [P][3]."""
+        return replace(self, points=points)
 
     @property
     def may_slide(self) -> bool:
@@ -89,6 +91,30 @@ class Problem:
     def straight(self) -> Array:
         """[6 + 3N] the design, put into the joint limits."""
         return self.chain.clip(np.zeros(self.chain.nv))
+
+
+def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:
+    """Return the points [P][3] within ``reach_m`` of the element's start, in the element's frame.
+
+    Clouds of more than a million points come back in single precision: at the element's
+    size that is a tenth of a micrometre, and half the memory.
+    """
+    out = np.empty(points.shape, dtype=np.float64 if len(points) <= MANY_POINTS else np.float32)
+    count = 0
+    for start in range(0, len(points), MANY_POINTS):
+        local = (points[start : start + MANY_POINTS] - T_world_element[:3, 3]) @ T_world_element[:3, :3]
+        near = np.einsum("ij,ij->i", local, local) <= reach_m**2
+        local = local if near.all() else local[near]
+        out[count : count + len(local)] = local
+        count += len(local)
+    return out[:count]
+
+
+def sample(points: Array, count: int, rng: np.random.Generator) -> Array:
+    """Return ``count`` points chosen at random, or all where there are no more, in double precision."""
+    if len(points) > count:
+        points = points[np.sort(rng.choice(len(points), count, replace=False, shuffle=False))]
+    return points.astype(np.float64)
 
 
 def thinned(points: Array, cell_m: float, seed: int) -> Array:

@@ -34,7 +34,8 @@ class FitSettings:
 
     Attributes:
         method: "default", or "icpik" for the paper's algorithm.
-        max_iterations: cap on the iterations of one descent (the search makes many short ones).
+        max_iterations: cap on the iterations of all phases together; a search takes some 15 a
+            segment, a clean scan about 12 in all.
         range_noise_m: standard deviation of the scanner, or None to estimate it.
         damping: weight of the damping term, relative to the mean information of a
             variable (lambda of the paper's eq. 4); adapted between iterations. None, here
@@ -52,7 +53,7 @@ class FitSettings:
     """
 
     method: Method = "default"
-    max_iterations: int = 100
+    max_iterations: int = 20_000
     range_noise_m: float | None = None
     damping: float | None = None
     continuity: float | None = None

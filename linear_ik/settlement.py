@@ -13,12 +13,25 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.chain import BASE
-from linear_ik.descent import Descended, Log, Stage, descend, on_surface, step_objective
+from linear_ik.chain import BASE, Pose
+from linear_ik.correspondence import Correspondences
+from linear_ik.descent import (
+    Descended,
+    Log,
+    Stage,
+    damped_step,
+    descend,
+    on_surface,
+    other_terms,
+    record,
+    step_objective,
+)
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
+from linear_ik.tally import MATCHED, Tally, tally
+from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import MAD_TO_SD, covariance, noise_of
 
@@ -26,9 +39,9 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
-MATCHED = 4.0
 EVIDENCE_ROUNDS = 12
 MOST_ROUNDS = 5
+MOST_ITERATIONS = 50
 STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
 SLIDE_SEEN_M = 0.003
 FOREIGN_RATIO = 2.0
@@ -37,32 +50,51 @@ FOREIGN_EXCESS_M = 0.0004
 
 @dataclass(frozen=True, eq=False)
 class Settled:
-    """A fit on all points.
+    """A fit that every point had its say in.
 
     Attributes:
         problem: with the prior, the variables and the section it ended with.
-        found: where it ended.
+        x: [6 + 3N] where it ended.
+        pose: the chain there.
+        objective: all terms but the damping, of all points, over all variables.
+        tally: the points counted.
+        pairs: matches of the sample.
+        matched: [P] which of these lie on the surface, within 4 deviations.
         noise_m: standard deviation of the matched points.
         foreign: [N] segments whose points belong to something else.
-        matched: [P] which of ``found.pairs`` lie on the surface, within 4 deviations.
         misfit: what the section measures, where that is not what was designed.
+        converged: whether it came to rest.
     """
 
     problem: Problem
-    found: Descended
+    x: Array
+    pose: Pose
+    objective: Objective
+    tally: Tally
+    pairs: Correspondences
+    matched: Mask
     noise_m: float
     foreign: Mask
-    matched: Mask
     misfit: SectionMisfit | None
+    converged: bool
 
 
-def settle(problem: Problem, found: Descended, settings: FitSettings, solver: Solver, log: Log) -> Settled:
-    """Fit all points from the basin that ``found`` is in, until nothing new turns up."""
+def settle(problem: Problem, found: Descended, some: Array, settings: FitSettings, solver: Solver, log: Log) -> Settled:
+    """Refine the fit that is in the right basin, on a sample of the points, then once on all.
+
+    Args:
+        problem: with all points near the element.
+        found: a fit in the right basin.
+        some: [S][3] the sample.
+        settings: of the fit.
+        solver: of the steps.
+        log: of the iterations.
+    """
     designed = problem.surface
     foreign = np.zeros(problem.element.segments, dtype=bool)
     misfit: SectionMisfit | None = None
     noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
-    found = _descend(problem, found.x, noise_m, 0.5 * noise_m, foreign, settings, solver, log)
+    found = _descend(problem, found.x, some, noise_m, 0.5 * noise_m, foreign, settings, solver, log)
     for _ in range(MOST_ROUNDS):
         changed = False
         noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
@@ -79,25 +111,96 @@ def settle(problem: Problem, found: Descended, settings: FitSettings, solver: So
         if not changed and problem.may_slide and AXIAL not in problem.variables:
             changed = slide_seen(problem, found, objective, noise_m)
             problem = problem.released() if changed else problem
-        found = _descend(problem, found.x, noise_m, 0.05 * noise_m, foreign, settings, solver, log)
+        found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, settings, solver, log)
         if not changed:
             break
     noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
-    return Settled(problem, found, noise_m, foreign, _matched(found, noise_m), misfit)
+    return last_step(problem, found, noise_m, foreign, misfit, settings, solver, log)
+
+
+def last_step(
+    problem: Problem,
+    found: Descended,
+    noise_m: float,
+    foreign: Mask,
+    misfit: SectionMisfit | None,
+    settings: FitSettings,
+    solver: Solver,
+    log: Log,
+) -> Settled:
+    """Take one step on all points together, from where the sample came to rest."""
+    chain, moving, x = problem.chain, problem.variables, found.x
+    scale_m = ROBUST_SCALE * noise_m
+    counted = tally(problem, found.pose, noise_m, scale_m, foreign if foreign.any() else None)
+    objective = counted.objective + other_terms(problem, x, found.pose, counted.objective, noise_m, settings)
+    lam = Damping(settings.weights.damping)
+    if len(log.records) >= settings.max_iterations:
+        return Settled(
+            problem,
+            x,
+            found.pose,
+            objective,
+            counted,
+            found.pairs,
+            _matched(found, noise_m),
+            noise_m,
+            foreign,
+            misfit,
+            False,
+        )
+    dx, lam = damped_step(
+        objective.of(moving), lam, chain.lower[moving] - x[moving], chain.upper[moving] - x[moving], solver
+    )
+    x = x.copy()
+    x[moving] += dx
+    x = chain.clip(x)
+    step_rad = float(np.abs(dx).max(initial=0.0))
+    rms_m = float(np.sqrt(counted.cost_m2 / max(counted.weight, 1e-300)))
+    record(problem, log, "full", counted.weighted, rms_m, scale_m, lam.weight, step_rad, x)
+    return Settled(
+        problem,
+        x,
+        chain.pose(x),
+        objective,
+        counted,
+        found.pairs,
+        _matched(found, noise_m),
+        noise_m,
+        foreign,
+        misfit,
+        found.converged,
+    )
 
 
 def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settled:
     """Return another method's fit as it stands, measured by the distance of all points to its surface."""
-    pairs, weights, _ = on_surface(problem, found.pose, Stage("measure", problem.points), 0)
+    pairs, _, _ = on_surface(problem, found.pose, Stage("measure", problem.points), 0)
     noise_m = settings.range_noise_m or noise_of(pairs)
-    pairs, weights, _ = on_surface(problem, found.pose, Stage("measure", problem.points, (ROBUST_SCALE * noise_m,)), 0)
+    stage = Stage("measure", problem.points, (ROBUST_SCALE * noise_m,))
+    pairs, weights, _ = on_surface(problem, found.pose, stage, 0)
     found = Descended(found.x, found.pose, pairs, weights, found.converged)
-    return Settled(problem, found, noise_m, np.zeros(problem.element.segments, bool), _matched(found, noise_m), None)
+    counted = tally(problem, found.pose, noise_m, ROBUST_SCALE * noise_m, None)
+    objective = counted.objective + other_terms(problem, found.x, found.pose, counted.objective, noise_m, settings)
+    nothing = np.zeros(problem.element.segments, dtype=bool)
+    return Settled(
+        problem,
+        found.x,
+        found.pose,
+        objective,
+        counted,
+        pairs,
+        _matched(found, noise_m),
+        noise_m,
+        nothing,
+        None,
+        found.converged,
+    )
 
 
 def _descend(
     problem: Problem,
     x: Array,
+    some: Array,
     noise_m: float,
     stop_m: float,
     foreign: Mask,
@@ -107,9 +210,7 @@ def _descend(
 ) -> Descended:
     ignored = foreign if foreign.any() else None
     scale_m = ROBUST_SCALE * noise_m
-    stage = Stage(
-        "full", problem.points, (scale_m,), noise_m, settings.max_iterations, max(2e-5, stop_m), ignored=ignored
-    )
+    stage = Stage("sample", some, (scale_m,), noise_m, MOST_ITERATIONS, max(2e-5, stop_m), ignored=ignored)
     return descend(problem, x, stage, settings, solver, log)
 
 

@@ -1,0 +1,95 @@
+"""Tally: one pass over all points of a scan, however many, in pieces.
+
+The fit settles on a sample; here every point has its say once, at the pose the sample
+gave: what it adds to the normal equations, and which segment it lies on or beside. Only
+sums are kept, so memory does not grow with the scan.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import Pose
+from linear_ik.descent import Stage, on_surface
+from linear_ik.problem import Problem
+from linear_ik.terms.objective import Objective
+from linear_ik.terms.point_residual import point_residual
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+POINTS_A_PIECE = 100_000
+MATCHED = 4.0  # deviations of the noise
+BESIDE = 16.0  # deviations; four times as far as a match
+
+
+@dataclass(frozen=True, eq=False)
+class Tally:
+    """Sums over all points.
+
+    Attributes:
+        objective: what the points ask of the step, over all variables [6 + 3N].
+        matched: [N] points on each segment's surface, within 4 deviations of the noise.
+        beside: [N] points nearest to it between 4 and 16.
+        squares_m2: [N] sum of the squared residuals of the matched points.
+        weighted: points with a weight.
+        cost_m2: weighted sum of squared residuals.
+        weight: sum of the weights.
+    """
+
+    objective: Objective
+    matched: Index
+    beside: Index
+    squares_m2: Array
+    weighted: int
+    cost_m2: float
+    weight: float
+
+    @property
+    def surface_rmse_m(self) -> float:
+        """Rms distance of the matched points to the surface."""
+        return float(np.sqrt(self.squares_m2.sum() / self.matched.sum())) if self.matched.sum() else float("nan")
+
+
+def tally(problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored: Mask | None) -> Tally:
+    """Match every point of the problem to the chain at ``pose`` and return the sums.
+
+    Args:
+        problem: for its points, surface and variables.
+        pose: where the chain is.
+        noise_m: standard deviation of a point on the surface.
+        scale_m: robust scale of the weights.
+        ignored: [N] segments whose points have no weight, or None.
+    """
+    n, columns = pose.n_segments, np.arange(problem.chain.nv)
+    objective = Objective(np.zeros((len(columns), len(columns))), np.zeros(len(columns)))
+    matched, beside, squares = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n)
+    weighted, cost, weight = 0, 0.0, 0.0
+    for start in range(0, len(problem.points), POINTS_A_PIECE):
+        piece = Stage("full", problem.points[start : start + POINTS_A_PIECE], (scale_m,), ignored=ignored)
+        pairs, weights, _ = on_surface(problem, pose, piece, 0)
+        objective += point_residual(pose, pairs, weights, columns)
+        segment = pairs.segment
+        on = (weights > 0) & (pairs.distance_m <= MATCHED * noise_m)
+        near = pairs.distance_m <= BESIDE * noise_m
+        matched += np.bincount(segment[on], minlength=n)
+        beside += np.bincount(segment[near & ~on], minlength=n)
+        squares += np.bincount(segment[on], pairs.residual_m[on] ** 2, minlength=n)
+        weighted += int(np.count_nonzero(weights))
+        cost += float(weights @ pairs.residual_m**2)
+        weight += float(weights.sum())
+    return Tally(objective, matched, beside, squares, weighted, cost, weight)
+
+
+def nearby(problem: Problem, pose: Pose, reach_m: float) -> Array:
+    """Return the problem's points within ``reach_m`` of the chain's surface."""
+    kept = []
+    for start in range(0, len(problem.points), POINTS_A_PIECE):
+        piece = problem.points[start : start + POINTS_A_PIECE]
+        pairs = problem.matcher.match(pose, piece)
+        kept.append(piece[np.sort(pairs.order[pairs.distance_m < reach_m])])
+    return np.concatenate(kept)
