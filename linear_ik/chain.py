@@ -55,6 +55,22 @@ def _pieces(whole: pin.Model) -> Iterator[_Piece]:
         first += count
 
 
+def _along_z(model: pin.Model) -> bool:
+    """Whether joints turn about z, y and x in one place, then again farther along Z, up to the end."""
+    end = model.frames[model.getFrameId("end")]
+    places = [model.jointPlacements[j] for j in range(2, model.njoints)] + [end.placement]
+    steps = np.array([T.translation for T in places])
+    at_nodes = np.arange(len(steps)) % 3 == 0
+    at_nodes[0] = False
+    return (
+        [*model.parents[2:], end.parentJoint] == list(range(1, model.njoints))
+        and all(model.joints[j].shortname() == f"JointModelR{'XZY'[(j - 1) % 3]}" for j in range(2, model.njoints))
+        and all((T.rotation == np.eye(3)).all() for T in places)
+        and not steps[:, :2].any()
+        and not steps[~at_nodes].any()
+    )
+
+
 @dataclass(frozen=True, eq=False)
 class Pose:
     """A chain at one configuration.
@@ -128,6 +144,8 @@ class Chain:
             raise ChainError("urdf", f"joints {joints[:4]}...", "joints segment_01_z, _y, _x, segment_02_z, ...")
         if not self._model.existFrame("end"):
             raise ChainError("urdf", "no frame named end", "the frame of the last node")
+        if not _along_z(self._model):
+            raise ChainError("urdf", "joints off the chain", "z, y, x at each node, the next node along the segment's Z")
         self.n_segments = len(joints) // 3
         self._pieces = list(_pieces(self._model))
         first = [self._model.jointPlacements[2 + 3 * k].translation[2] for k in range(1, self.n_segments)]

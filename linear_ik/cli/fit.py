@@ -53,6 +53,9 @@ def fit(
     wait: Annotated[
         bool, typer.Option("--wait/--no-wait", help="With --view: stay until Enter or Ctrl-C, or end at once.")
     ] = True,
+    method: Annotated[
+        str, typer.Option("--method", metavar="default|icpik", help="icpik is the paper's algorithm, for comparison.")
+    ] = "default",
     search: Annotated[
         str, typer.Option("--search", metavar="auto|always|never", help="Search each joint's direction from the base.")
     ] = "auto",
@@ -60,7 +63,7 @@ def fit(
     range_noise: Annotated[
         float | None, typer.Option("--range-noise", metavar="METRES", help="Of the scanner; estimated when left out.")
     ] = None,
-    max_iterations: Annotated[int, typer.Option("--max-iterations", help="Of all phases together.")] = 2000,
+    max_iterations: Annotated[int, typer.Option("--max-iterations", help="Of all phases together.")] = 20_000,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
 ) -> Outcome:
     """Check everything, read, fit, write, and say what was found."""
@@ -74,7 +77,13 @@ def fit(
     from linear_ik.settings import FitSettings
 
     try:
-        settings = FitSettings(search=search, solver=solver, range_noise_m=range_noise, max_iterations=max_iterations)  # type: ignore[arg-type]
+        settings = FitSettings(
+            method=method,  # type: ignore[arg-type]
+            search=search,  # type: ignore[arg-type]
+            solver=solver,
+            range_noise_m=range_noise,
+            max_iterations=max_iterations,
+        )
     except SettingsError as error:
         raise about_options(error, range_noise_m="--range-noise") from None
 
