@@ -145,7 +145,7 @@ class Chain:
         if not self._model.existFrame("end"):
             raise ChainError("urdf", "no frame named end", "the frame of the last node")
         if not _along_z(self._model):
-            raise ChainError("urdf", "joints off the chain", "z, y, x at each node, the next node along the segment's Z")
+            raise ChainError("urdf", "joints off the chain", "z, y, x at each node, segments along Z")
         self.n_segments = len(joints) // 3
         self._pieces = list(_pieces(self._model))
         first = [self._model.jointPlacements[2 + 3 * k].translation[2] for k in range(1, self.n_segments)]
