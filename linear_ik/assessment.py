@@ -105,7 +105,7 @@ def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: Mask,
     segment = rng.integers(n, size=count)
     model = np.column_stack([xy, rng.random(count) * problem.element.segment_length_m])
     model = np.einsum("pij,pj->pi", pose.rotations[segment], model) + pose.nodes_m[segment]
-    some = rows if len(rows) <= 2000 else rng.choice(rows, 2000, replace=False)
+    some = rows if len(rows) <= 1000 else rng.choice(rows, 1000, replace=False)
     of = pairs.segment[some]
     points = np.einsum("pij,pj->pi", pose.rotations[of], pairs.local[some]) + pose.nodes_m[of]
     distance, _ = cKDTree(model, balanced_tree=False, compact_nodes=False).query(points)

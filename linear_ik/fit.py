@@ -4,11 +4,12 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from functools import cache
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
-from threadpoolctl import threadpool_limits
+from threadpoolctl import ThreadpoolController
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
@@ -60,7 +61,8 @@ def fit(
         SettingsError: an unknown solver.
         StepError: the solver failed on a step.
     """
-    with threadpool_limits(1):
+    # Small matrices get ten times slower when BLAS spreads them over busy cores.
+    with thread_pools().limit(limits=1):
         return _fit(element, scan, settings or FitSettings(), on_iteration)
 
 
@@ -101,10 +103,18 @@ def sample_size(problem: Problem) -> int:
     return max(least, min(len(problem.points) // 3, 2 * least))
 
 
+@cache
+def thread_pools() -> ThreadpoolController:
+    """Return the process's thread pools, looked up once."""
+    return ThreadpoolController()
+
+
 def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver, log: Log) -> Descended:
-    """Descend from the design, first unweighted, then with weights from the noise found."""
+    """Descend from the design, unweighted; where that leaves doubts, with weights from the noise found."""
     stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, 12, 1e-3)
     found = descend(problem, problem.straight, stage, settings, solver, log)
+    if believable(problem, found):
+        return found
     noise_m = settings.range_noise_m or noise_of(found.pairs)
     stage = Stage("coarse", points, (ROBUST_SCALE * noise_m,), noise_m, 3, 1e-4)
     return descend(problem, found.x, stage, settings, solver, log)
@@ -155,6 +165,8 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     """Return the result of a settled fit, and the verdict on it."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
+    off_m = pose.node_jacobians() @ settled.still
+    node_covariance += off_m[:, :, None] * off_m[:, None, :]
     pressed = pressed_limits(problem, settled.x, settled.objective, S)
     segments = assess_segments(problem, pose, settled.tally, settled.pairs, settled.matched, settled.foreign)
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)

@@ -8,7 +8,7 @@ fitted to something else: a flange, a bracket, a notch.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -64,6 +64,8 @@ class Settled:
         foreign: [N] segments whose points belong to something else.
         misfit: what the section measures, where that is not what was designed.
         converged: whether it came to rest.
+        still: [6 + 3N] the step that the points still ask for; a method that stops
+            elsewhere is that far off.
     """
 
     problem: Problem
@@ -77,6 +79,7 @@ class Settled:
     foreign: Mask
     misfit: SectionMisfit | None
     converged: bool
+    still: Array
 
 
 def settle(problem: Problem, found: Descended, some: Array, settings: FitSettings, solver: Solver, log: Log) -> Settled:
@@ -115,61 +118,51 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
         if not changed:
             break
     noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
-    return last_step(problem, found, noise_m, foreign, misfit, settings, solver, log)
+    return last_step(count(problem, found, noise_m, foreign, misfit, settings), settings, solver, log)
 
 
-def last_step(
+def count(
     problem: Problem,
     found: Descended,
     noise_m: float,
     foreign: Mask,
     misfit: SectionMisfit | None,
     settings: FitSettings,
-    solver: Solver,
-    log: Log,
 ) -> Settled:
-    """Take one step on all points together, from where the sample came to rest."""
-    chain, moving, x = problem.chain, problem.variables, found.x
-    scale_m = ROBUST_SCALE * noise_m
-    counted = tally(problem, found.pose, noise_m, scale_m, foreign if foreign.any() else None)
-    objective = counted.objective + other_terms(problem, x, found.pose, counted.objective, noise_m, settings)
-    lam = Damping(settings.weights.damping)
-    if len(log.records) >= settings.max_iterations:
-        return Settled(
-            problem,
-            x,
-            found.pose,
-            objective,
-            counted,
-            found.pairs,
-            _matched(found, noise_m),
-            noise_m,
-            foreign,
-            misfit,
-            False,
-        )
-    dx, lam = damped_step(
-        objective.of(moving), lam, chain.lower[moving] - x[moving], chain.upper[moving] - x[moving], solver
-    )
-    x = x.copy()
-    x[moving] += dx
-    x = chain.clip(x)
-    step_rad = float(np.abs(dx).max(initial=0.0))
-    rms_m = float(np.sqrt(counted.cost_m2 / max(counted.weight, 1e-300)))
-    record(problem, log, "full", counted.weighted, rms_m, scale_m, lam.weight, step_rad, x)
+    """Count all points at the pose that the sample came to rest at."""
+    counted = tally(problem, found.pose, noise_m, ROBUST_SCALE * noise_m, foreign if foreign.any() else None)
+    objective = counted.objective + other_terms(problem, found.x, found.pose, counted.objective, noise_m, settings)
+    moving, still = problem.variables, np.zeros(len(found.x))
+    still[moving] = -np.linalg.solve(objective.of(moving).H, objective.c[moving])
     return Settled(
         problem,
-        x,
-        chain.pose(x),
+        found.x,
+        found.pose,
         objective,
         counted,
         found.pairs,
-        _matched(found, noise_m),
+        np.asarray((found.weights > 0) & (found.pairs.distance_m <= MATCHED * noise_m)),
         noise_m,
         foreign,
         misfit,
         found.converged,
+        still,
     )
+
+
+def last_step(settled: Settled, settings: FitSettings, solver: Solver, log: Log) -> Settled:
+    """Take one step on all points together."""
+    if len(log.records) >= settings.max_iterations:
+        return replace(settled, converged=False)
+    problem, counted, x = settled.problem, settled.tally, settled.x.copy()
+    chain, moving = problem.chain, problem.variables
+    objective, lam = settled.objective.of(moving), Damping(settings.weights.damping)
+    dx, lam = damped_step(objective, lam, chain.lower[moving] - x[moving], chain.upper[moving] - x[moving], solver)
+    x[moving] += dx
+    x = chain.clip(x)
+    scale_m, step_rad = ROBUST_SCALE * settled.noise_m, float(np.abs(dx).max(initial=0.0))
+    record(problem, log, "full", counted.weighted, counted.weighted_rms_m, scale_m, lam.weight, step_rad, x)
+    return replace(settled, x=x, pose=chain.pose(x), still=np.zeros(len(x)))
 
 
 def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settled:
@@ -179,22 +172,7 @@ def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settl
     stage = Stage("measure", problem.points, (ROBUST_SCALE * noise_m,))
     pairs, weights, _ = on_surface(problem, found.pose, stage, 0)
     found = Descended(found.x, found.pose, pairs, weights, found.converged)
-    counted = tally(problem, found.pose, noise_m, ROBUST_SCALE * noise_m, None)
-    objective = counted.objective + other_terms(problem, found.x, found.pose, counted.objective, noise_m, settings)
-    nothing = np.zeros(problem.element.segments, dtype=bool)
-    return Settled(
-        problem,
-        found.x,
-        found.pose,
-        objective,
-        counted,
-        pairs,
-        _matched(found, noise_m),
-        noise_m,
-        nothing,
-        None,
-        found.converged,
-    )
+    return count(problem, found, noise_m, np.zeros(problem.element.segments, dtype=bool), None, settings)
 
 
 def _descend(
@@ -240,6 +218,7 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     pull = information @ x[moving] - (objective.c[moving] / noise_m**2 - now * x[moving])
     mean, variance = np.zeros(len(sd)), np.zeros(len(sd))
     for _ in range(EVIDENCE_ROUNDS if len(moving) <= 200 else 3):
+        before = sd.copy()
         S = np.linalg.inv(information + np.diag(1.0 / sd[moving] ** 2))
         mean[moving], variance[moving] = S @ pull, np.diag(S)
         for axis in range(3):
@@ -247,6 +226,8 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
             if np.isin(joints, moving).all():
                 second_moment = np.mean(mean[joints] ** 2 + variance[joints])
                 sd[joints] = np.clip(np.sqrt(second_moment), STIFFEST_RAD, LOOSEST_RAD)
+        if np.allclose(sd, before, rtol=0.02):
+            break
     return np.asarray(sd)
 
 

@@ -50,6 +50,11 @@ class Tally:
     weight: float
 
     @property
+    def weighted_rms_m(self) -> float:
+        """Rms distance of all points with a weight, weighted."""
+        return float(np.sqrt(self.cost_m2 / self.weight)) if self.weight else float("nan")
+
+    @property
     def surface_rmse_m(self) -> float:
         """Rms distance of the matched points to the surface."""
         return float(np.sqrt(self.squares_m2.sum() / self.matched.sum())) if self.matched.sum() else float("nan")
