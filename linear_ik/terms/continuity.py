@@ -26,4 +26,4 @@ def continuity(x: Array, weight: float) -> Objective:
     D = np.zeros((len(rows), n))
     D[np.arange(len(rows)), rows] = -1.0
     D[np.arange(len(rows)), rows + 3] = 1.0
-    return Objective(weight * D.T @ D, weight * D.T @ (D @ x))
+    return Objective(weight * (D.T @ D), weight * (D.T @ (D @ x)))

@@ -40,4 +40,4 @@ def end_support(element: Element, pose: Pose, weight: float) -> Objective:
         A = np.concatenate([A, element.segment_length_m * turn])
         r = np.concatenate([r, element.segment_length_m * z[:2]])
     scale = weight / element.end_tolerance_m**2
-    return Objective(scale * A.T @ A, scale * A.T @ r)
+    return Objective(scale * (A.T @ A), scale * (A.T @ r))
