@@ -17,16 +17,15 @@ import numpy.typing as npt
 
 from linear_ik.chain import BASE
 from linear_ik.descent import Log, Stage, descend
+from linear_ik.distance_field import NEAR_M, DistanceField
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
+from linear_ik.repair import repair
 from linear_ik.settings import FitSettings
-from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
-WIDE_M, NARROW_M = 0.030, 0.012
-CLUTTER_M = 0.060
 POINTS_A_SEARCH = 600
 CHILDREN = 3
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
@@ -70,7 +69,8 @@ class Startup:
         for k in range(self.problem.element.segments):
             children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
             beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
-        return max((self.finish(h.x) for h in beam), key=self.score)
+        x = max((self.finish(h.x) for h in beam), key=self.score)
+        return repair(self.problem, x, self.points, self.field, self.tau_m, self.finish, self.score)
 
     def extend(self, parent: Hypothesis, k: int, alone: bool) -> list[Hypothesis]:
         """Return the ways to add segment k (from 0) to a hypothesis."""
@@ -121,7 +121,7 @@ class Startup:
         pose = self.problem.chain.pose(h.x)
         length = float(self.problem.chain.segment_length_m[k])
         local = (self.within(pose.nodes_m[k], length) - pose.nodes_m[k]) @ pose.rotations[k]
-        beside = np.hypot(local[:, 0], local[:, 1]) < self.problem.surface.reach_m + CLUTTER_M
+        beside = np.hypot(local[:, 0], local[:, 1]) < self.problem.surface.reach_m + NEAR_M
         around = local[beside & (local[:, 2] > 0.1 * length) & (local[:, 2] < 0.9 * length)]
         if len(around) < 12:
             return False
@@ -194,7 +194,7 @@ class Startup:
     def within(self, centre: Array, reach_m: float) -> Array:
         """Return the points near a node."""
         offset = self.points - centre
-        radius = reach_m + self.problem.surface.reach_m + CLUTTER_M
+        radius = reach_m + self.problem.surface.reach_m + NEAR_M
         return np.asarray(self.points[np.einsum("ij,ij->i", offset, offset) < radius**2])
 
     def unexplained(self, parent: Hypothesis, k: int, node: Array, length_m: float) -> Array:
@@ -247,33 +247,3 @@ def bend_rotations(bends: Array) -> Array:
     cy, sy, cx, sx = np.cos(bends[:, 0]), np.sin(bends[:, 0]), np.cos(bends[:, 1]), np.sin(bends[:, 1])
     zero = np.zeros(len(bends))
     return np.stack([cy, sy * sx, sy * cx, zero, cx, -sx, -sy, cy * sx, cy * cx], axis=1).reshape(-1, 3, 3)
-
-
-class DistanceField:
-    """Distance to a section's outline, looked up on a grid: 200,000 look-ups in 2 ms."""
-
-    CELL_M = 0.002
-
-    def __init__(self, surface: Surface) -> None:
-        """Measure the outline's distance at the nodes of a grid around it."""
-        self.low = surface.corners.min(axis=0) - CLUTTER_M
-        count = np.ceil((surface.corners.max(axis=0) + CLUTTER_M - self.low) / self.CELL_M).astype(int) + 1
-        x, y = (self.low[i] + self.CELL_M * np.arange(count[i]) for i in range(2))
-        nodes = np.stack(np.meshgrid(x, y, indexing="ij"), axis=-1).reshape(-1, 2)
-        self.shape = count
-        self.squared = (surface.distances(nodes) ** 2).astype(np.float32)
-
-    def scores(self, points: Array, turns: Array, length_m: float) -> Array:
-        """Return how many points [P][3] each orientation [D][3][3] of a segment would explain."""
-        out = np.zeros(len(turns))
-        low = (self.low / self.CELL_M - 0.5).astype(np.float32)
-        for part in range(0, len(turns), 256):
-            local = np.matmul(points.astype(np.float32)[None], turns[part : part + 256].astype(np.float32))
-            cell = (local[..., :2] / np.float32(self.CELL_M) - low).astype(np.int32)
-            inside = ((cell >= 0) & (cell < self.shape)).all(axis=-1)
-            row = np.where(inside, cell[..., 0] * self.shape[1] + cell[..., 1], 0)
-            beyond = local[..., 2] - np.clip(local[..., 2], 0.0, np.float32(length_m))
-            squared = np.where(inside, self.squared[row] + beyond * beyond, np.inf)
-            for tau, weight in ((NARROW_M, 1.0), (WIDE_M, 0.5)):
-                out[part : part + 256] += weight * np.maximum(0.0, 1.0 - squared / tau**2).sum(axis=1)
-        return out
