@@ -1,8 +1,8 @@
-"""Repair: segments that settled on the wrong side of a plate are moved across it.
+"""Repair: nodes that settled on the wrong side of a plate are moved across it.
 
-An open section shows both sides of thin plates; a segment whose points were taken for
-the other side of one fits them well, a plate's thickness off. Moving it there and back
-by the distances between parallel faces shows whether its points are better explained.
+An open section shows both sides of thin plates; where points were taken for the other
+side of one they fit well, a plate's thickness off. Moving runs of nodes by the distances
+between parallel faces shows whether the points around them are better explained.
 """
 
 from __future__ import annotations
@@ -13,13 +13,13 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import BASE, Chain, Pose
-from linear_ik.distance_field import DistanceField
+from linear_ik.distance_field import NEAR_M, DistanceField
 from linear_ik.problem import Problem
 from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
 
-LEAST_GAIN = 0.04  # of a segment's points
+LEAST_GAIN = 10.0  # points explained
 LEAST_SHIFT_M = 0.002
 SMALL_SHIFT_M = 0.05
 MOST_REPAIRS = 8
@@ -47,19 +47,19 @@ def repair(
     """
     shifts = plate_shifts(problem.surface)
     best = score(x)
-    tried: set[tuple[int, int, int]] = set()
+    refused: set[tuple[int, int, int]] = set()
     for _ in range(MOST_REPAIRS):
         pose = problem.chain.pose(x)
-        gains = shift_gains(problem, pose, points, field, shifts, tau_m)
-        run = next((r for r in runs(gains) if r not in tried), None)
+        run = promising(problem, shift_gains(problem, pose, points, field, shifts, tau_m), refused)
         if run is None:
             break
-        tried.add(run)
         first, last, which = run
         moved = finish(shifted(problem.chain, x, pose, first, last, shifts[which]))
         if (value := score(moved)) > best:
             x, best = moved, value
-            tried.clear()
+            refused.clear()
+        else:
+            refused.add(run)
     return x
 
 
@@ -84,39 +84,52 @@ def plate_shifts(surface: Surface) -> Array:
 def shift_gains(
     problem: Problem, pose: Pose, points: Array, field: DistanceField, shifts: Array, tau_m: float
 ) -> Array:
-    """Return how many more points, as a share, each segment would explain after each shift [N][D]."""
+    """Return how many more points each segment would explain after each shift [3][N][D].
+
+    First of its end alone, then of the whole segment, then of its start alone.
+    """
     n = pose.n_segments
-    gains = np.zeros((n, len(shifts)))
-    reach = problem.surface.reach_m + 0.06
+    gains = np.zeros((3, n, len(shifts)))
+    reach = problem.surface.reach_m + NEAR_M
     for k in range(n):
         local = points - pose.nodes_m[k]
         length = float(problem.chain.segment_length_m[k])
         local = local[np.einsum("ij,ij->i", local, local) < (length + reach) ** 2] @ pose.rotations[k]
         local = local[(local[:, 2] > 0) & (local[:, 2] < length)]
+        along = local[:, 2] / length
         now = field.explained(local[:, :2], tau_m)
-        if now < 12:
-            continue
-        for d, shift in enumerate(shifts):
-            gains[k, d] = (field.explained(local[:, :2] - shift, tau_m) - now) / now
+        for kind, share in enumerate((along, np.ones(len(along)), 1.0 - along)):
+            for d, shift in enumerate(shifts):
+                gains[kind, k, d] = field.explained(local[:, :2] - share[:, None] * shift, tau_m) - now
     return gains
 
 
-def runs(gains: Array) -> list[tuple[int, int, int]]:
-    """Return runs of segments that gain from the same shift, (first, last, shift), best first."""
-    found: list[tuple[float, tuple[int, int, int]]] = []
-    for d in range(gains.shape[1]):
-        good = np.concatenate([[False], gains[:, d] > LEAST_GAIN, [False]])
-        edges = np.flatnonzero(np.diff(good.astype(int)))
-        for first, end in zip(edges[::2], edges[1::2], strict=True):
-            found.append((float(gains[first:end, d].sum()), (int(first), int(end) - 1, d)))
-    return [run for _, run in sorted(found, reverse=True)]
+def promising(problem: Problem, gains: Array, refused: set[tuple[int, int, int]]) -> tuple[int, int, int] | None:
+    """Return the run of nodes that gains most from one shift, (first, last, shift), or None.
+
+    Moving nodes i to j moves the segments between them whole, segment i - 1 at its end
+    and segment j at its start.
+    """
+    n = gains.shape[1]
+    whole = np.concatenate([np.zeros((1, gains.shape[2])), np.cumsum(gains[1], axis=0)])
+    start = 0 if problem.chain.upper[0] > 0 else 1
+    best, most = None, LEAST_GAIN
+    for i in range(start, n + 1):
+        for j in range(i, n + 1):
+            gain = whole[j] - whole[i]
+            gain = gain + gains[0, i - 1] if i else gain
+            gain = gain + gains[2, j] if j < n else gain
+            for d in np.flatnonzero(gain > most):
+                if (i, j, int(d)) not in refused and gain[d] > most:
+                    best, most = (i, j, int(d)), float(gain[d])
+    return best
 
 
 def shifted(chain: Chain, x: Array, pose: Pose, first: int, last: int, shift: Array) -> Array:
-    """Return the variables with the nodes of segments ``first`` to ``last`` moved by a shift [2] of their section."""
+    """Return the variables with nodes ``first`` to ``last`` moved by a shift [2] of the section's plane."""
     nodes = pose.nodes_m.copy()
-    offset = pose.rotations[first][:, :2] @ shift
-    nodes[first : last + 2] += offset
+    offset = pose.rotations[min(first, pose.n_segments - 1)][:, :2] @ shift
+    nodes[first : last + 1] += offset
     out = x.copy()
     if first == 0:
         out[:3] = np.clip(x[:3] + offset, chain.lower[:3], chain.upper[:3])
