@@ -26,7 +26,7 @@ class Correspondences:
     Attributes:
         order: [P] row of the point in the array that was matched.
         starts: [N+1] first match of each segment, and P.
-        face: [P] edge of the outline.
+        face: [P] edge of the outline; without meaning on a round section.
         local: [P][3] point in its segment's frame.
         residual_m: [P] signed distance to the face, positive outside.
         gradient: [P][2] direction of that distance in the section's plane.
@@ -62,7 +62,9 @@ class Matcher:
         self._scene = o3d.t.geometry.RaycastingScene
         self.surface = surface
         self.segment_length_m = segment_length_m
-        vertices, triangles = surface.mesh(1.0)
+        # A round section has one face, whose residual needs no chords: a few will do to tell segments apart.
+        outline = surface if surface.radius_m is None else surface.of_outline(surface.corners[::4], surface.radius_m)
+        vertices, triangles = outline.mesh(1.0)
         self._unit = vertices
         self._triangles = o3d.core.Tensor(triangles)
 

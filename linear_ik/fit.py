@@ -158,6 +158,7 @@ def searched(
     startup = Startup(problem, cloud, noise_m, settings, solver, log)
     starts = [startup.run(), startup.finish(found.x)]
     best = max(starts, key=startup.score)
+    cloud = startup.around(best)
     return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)
 
 

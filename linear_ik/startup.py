@@ -70,7 +70,7 @@ class Startup:
             children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
             beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
         x = max((self.finish(h.x) for h in beam), key=self.score)
-        return repair(self.problem, x, self.points, self.field, self.tau_m, self.finish, self.score)
+        return repair(self.problem, x, self.around(x), self.field, self.tau_m, self.finish, self.score)
 
     def extend(self, parent: Hypothesis, k: int, alone: bool) -> list[Hypothesis]:
         """Return the ways to add segment k (from 0) to a hypothesis."""
@@ -88,8 +88,7 @@ class Startup:
         t = self.tau_m
         arm = k if parent.arm is None else parent.arm
         first = max(0, arm - 3)
-        length = self.problem.element.segment_length_m
-        local = self.within(self.problem.chain.pose(x).nodes_m[arm], (k - arm + 3) * length)
+        local = self.around(x, k + 1, first)
         if len(local):
             x = self.descend(x, k, first, [arm], local, (3 * t, 2 * t, 1.5 * t, t))
             x = self.descend(x, k, first, list(range(max(0, arm - 2), k + 1)), local, (1.5 * t, t, t, 0.7 * t))
@@ -208,9 +207,23 @@ class Startup:
             points = self.rng.choice(points, POINTS_A_SEARCH, replace=False)
         return points
 
+    def around(self, x: Array, grown: int | None = None, first: int = 0) -> Array:
+        """Return the points that segments ``first`` to ``grown`` - 1 could explain, and their surroundings."""
+        nodes = self.problem.chain.pose(x).nodes_m
+        near = np.zeros(len(self.points), dtype=bool)
+        for start, end in zip(nodes[:-1][first:grown], nodes[1:][first:grown], strict=True):
+            axis, offset = end - start, self.points - start
+            offset -= np.clip(offset @ axis / (axis @ axis), 0.0, 1.0)[:, None] * axis
+            near |= np.einsum("ij,ij->i", offset, offset) < (self.problem.surface.reach_m + NEAR_M) ** 2
+        return np.asarray(self.points[near])
+
     def score(self, x: Array, k: int | None = None) -> float:
         """Return the points explained, each between 0 and 1, less the cost of the bends."""
-        pairs = self.problem.matcher.match(self.problem.chain.pose(x), self.points, None if k is None else k + 1)
+        grown = None if k is None else k + 1
+        points = self.around(x, grown)
+        if not len(points):
+            return -self.bend_cost(x)
+        pairs = self.problem.matcher.match(self.problem.chain.pose(x), points, grown)
         return explained(pairs.distance_m, self.tau_m) - self.bend_cost(x)
 
     def bend_cost(self, x: Array) -> float:
@@ -232,8 +245,10 @@ class Startup:
 
     def finish(self, x: Array) -> Array:
         """Descend on all joints, the scale shrinking to the noise."""
-        t = self.tau_m
-        stage = Stage("search", self.points, (2 * t, 2 * t, 1.5 * t, 1.5 * t, t, t, 0.7 * t), self.noise_m, 20, 5e-5)
+        t, points = self.tau_m, self.around(x)
+        if not len(points):
+            return x
+        stage = Stage("search", points, (2 * t, 2 * t, 1.5 * t, 1.5 * t, t, t, 0.7 * t), self.noise_m, 20, 5e-5)
         return descend(self.problem, x, stage, self.settings, self.solver, self.log).x
 
 

@@ -86,6 +86,7 @@ for _tag, _pattern, _first in (
 ):
     StrictLoader.add_implicit_resolver(f"tag:yaml.org,2002:{_tag}", re.compile(rf"^(?:{_pattern})$"), _first)
 
+
 def _whole_number(loader: StrictLoader, node: yaml.ScalarNode) -> int:
     return whole_number(loader.construct_scalar(node))
 
