@@ -139,7 +139,7 @@ BOTH_ENDS = (
         "5b",
         Circle(0.15),
         (Bend(1, "x", 6.3), *(Bend(k, "x", -1.4) for k in range(2, 11))),
-        words="round column pinned at both ends",
+        words="column pinned at both ends",
         start="pinned",
         end="pinned",
     ),

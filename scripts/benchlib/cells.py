@@ -1,0 +1,180 @@
+"""Cells of the benchmark of accuracy: one scene, one method, some seeds, kept on disk when done."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import multiprocessing
+import os
+import sys
+import time
+from collections.abc import Iterable, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from benchlib.bound import cramer_rao
+from benchlib.cases import NOISE_M, POINTS, named
+from benchlib.runs import node_errors_mm
+from benchlib.scenes import Scene
+
+# What no fit depends on: files, formats and screens.
+ROOMS_ABOVE = ("cli", "exports", "readers", "viewer", "viewer_page", "example", "__main__", "report", "batch")
+
+
+@dataclass(frozen=True)
+class Outcome:
+    """One fit of one seed.
+
+    Attributes:
+        seed: of the scene.
+        status: the fit's verdict on itself.
+        max_mm, rms_mm, tip_mm: node errors: the worst, the root mean square, the last.
+        bound_max_mm, bound_rms_mm, bound_tip_mm: the Cramer-Rao bound of the same.
+        observable: whether the scan shows every bend.
+        time_s: wall time of the fit.
+        iterations: of the fit.
+    """
+
+    seed: int
+    status: str
+    max_mm: float
+    rms_mm: float
+    tip_mm: float
+    bound_max_mm: float
+    bound_rms_mm: float
+    bound_tip_mm: float
+    observable: bool
+    time_s: float
+    iterations: int
+
+    @property
+    def succeeded(self) -> bool:
+        """Whether every node is within 1 mm, or 3 times the bound where that is more."""
+        return self.max_mm <= max(1.0, 3.0 * self.bound_max_mm)
+
+    @property
+    def aligned(self) -> bool:
+        """Whether it is as good as what the paper calls a success: within 50 mm."""
+        return self.max_mm <= 50.0
+
+
+@dataclass(frozen=True)
+class Cell:
+    """Some seeds of one scene, for one method.
+
+    Attributes:
+        method: "default" or "icpik".
+        seeds: of the scene.
+        scene: of a map, or None.
+        case: name of one of the paper's cases, where there is no scene.
+        points: of the case, and of icpik's cloud on the model.
+    """
+
+    method: str
+    seeds: tuple[int, ...]
+    scene: Scene | None = None
+    case: str = ""
+    points: int = POINTS
+
+    def key(self, seed: int) -> str:
+        """Return the name of the file that holds the outcome of a seed."""
+        scene = None if self.scene is None else self.scene.as_mapping()
+        told = json.dumps([self.method, scene, self.case, self.points, seed], sort_keys=True)
+        return hashlib.sha256(told.encode()).hexdigest()[:20]
+
+
+def run_all(cells: Sequence[Cell], cache: Path, workers: int) -> dict[Cell, list[Outcome]]:
+    """Return the outcomes of every cell, taken from the cache where they are there.
+
+    Args:
+        cells: what to run.
+        cache: folder; what was made by other code than today's is not used.
+        workers: processes.
+    """
+    cache = cache / fingerprint()
+    cache.mkdir(parents=True, exist_ok=True)
+    (cache.parent / ".gitignore").write_text("*\n", encoding="utf-8")
+    jobs = [(cell, seed) for cell in cells for seed in cell.seeds]
+    left = [job for job in jobs if not (cache / f"{job[0].key(job[1])}.json").exists()]
+    print(f"{len(jobs)} fits, {len(jobs) - len(left)} of them done before", file=sys.stderr, flush=True)
+    started = time.monotonic()
+    for done, (cell, seed, outcome) in enumerate(_results(left, workers), start=1):
+        path = cache / f"{cell.key(seed)}.json"
+        path.with_suffix(".new").write_text(json.dumps(asdict(outcome)), encoding="utf-8")
+        path.with_suffix(".new").replace(path)
+        if done % 50 == 0 or done == len(left):
+            spent = time.monotonic() - started
+            print(f"{done} of {len(left)} fits, {spent:.0f} s", file=sys.stderr, flush=True)
+    return {
+        cell: [Outcome(**json.loads((cache / f"{cell.key(s)}.json").read_text(encoding="utf-8"))) for s in cell.seeds]
+        for cell in cells
+    }
+
+
+def _results(jobs: list[tuple[Cell, int]], workers: int) -> Iterable[tuple[Cell, int, Outcome]]:
+    if workers <= 1 or len(jobs) <= 1:
+        yield from map(run_one, jobs)
+        return
+    # One thread a process: two processes with a pool of BLAS threads each get in each other's way.
+    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    with multiprocessing.get_context("spawn").Pool(workers) as pool:
+        yield from pool.imap_unordered(run_one, jobs, chunksize=1)
+
+
+def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
+    """Run one seed of a cell."""
+    import linear_ik.icpik
+    from linear_ik import FitSettings, fit
+
+    cell, seed = job
+    if cell.scene is not None:
+        element, scan, noise_m = cell.scene.element, cell.scene.scan(seed), cell.scene.noise_m
+        linear_ik.icpik.MODEL_POINTS = cell.scene.points
+    else:
+        case = named(cell.case)
+        element, scan, noise_m = case.element, case.scan(seed, cell.points), NOISE_M
+        linear_ik.icpik.MODEL_POINTS = cell.points
+    bound = cramer_rao(element, scan, noise_m)
+    given = scan.without_truth()
+    started = time.perf_counter()
+    result = fit(element, given, FitSettings(method=cell.method))
+    time_s = time.perf_counter() - started
+    errors = np.array(node_errors_mm(result, scan))
+    outcome = Outcome(
+        seed,
+        result.status,
+        float(errors.max()),
+        float(np.sqrt(np.mean(errors[1:] ** 2))),
+        float(errors[-1]),
+        1e3 * float(bound.node_m.max()),
+        1e3 * bound.rms_m,
+        1e3 * bound.tip_m,
+        bound.observable,
+        time_s,
+        result.iterations,
+    )
+    return cell, seed, outcome
+
+
+def fingerprint() -> str:
+    """Return a hash of the code that the outcomes depend on: the fit, and the scenes."""
+    import linear_ik
+
+    package = Path(str(linear_ik.__file__)).parent
+    here = Path(__file__).parent
+    sources = [
+        p for p in sorted(package.rglob("*.py")) if p.relative_to(package).parts[0].split(".")[0] not in ROOMS_ABOVE
+    ]
+    sources += [here / name for name in ("cells.py", "scenes.py", "cases.py", "bound.py")]
+    total = hashlib.sha256()
+    for path in sources:
+        total.update(path.read_bytes())
+    return total.hexdigest()[:16]
+
+
+def as_mapping(cell: Cell, outcomes: Sequence[Outcome]) -> dict[str, Any]:
+    """Return a cell and its outcomes ready for JSON."""
+    return {**asdict(cell), "outcomes": [asdict(o) for o in outcomes]}
