@@ -53,7 +53,7 @@ def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m
         used: [P] the matches on the surface.
         noise_m: standard deviation of a point.
     """
-    used = used & _clear_of_corners(surface, pairs, 4.0 * noise_m)
+    used = used & _told_apart(surface, pairs, noise_m)
     gradient, residual = pairs.gradient[used], pairs.residual_m[used]
     # At the foot on the face: at the point itself the noise would explain itself.
     stretch = gradient * (pairs.local[used, :2] - residual[:, None] * gradient)
@@ -86,10 +86,16 @@ def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m
     return SectionMisfit(1.0 + np.broadcast_to(s, 2).copy(), bool((np.abs(s) <= LARGEST_STRETCH).all()))
 
 
-def _clear_of_corners(surface: Surface, pairs: Correspondences, margin_m: float) -> Mask:
-    """Return the matches well within their face: at a corner, noise always measures outwards."""
+def _told_apart(surface: Surface, pairs: Correspondences, noise_m: float) -> Mask:
+    """Return the matches that noise cannot have taken from another face: there it always measures outwards.
+
+    They lie 4 deviations within the corners of their face, of a plate 5 thick or more.
+    """
     if surface.radius_m is not None:
         return np.ones(len(pairs.face), dtype=bool)
     delta = pairs.local[:, :2] - surface.corners[pairs.face]
     along = np.einsum("ij,ij->i", surface.tangents[pairs.face], delta)
-    return np.asarray((along > margin_m) & (along < surface.widths_m[pairs.face] - margin_m))
+    middle = surface.corners + 0.5 * surface.widths_m[:, None] * surface.tangents
+    thick = surface.distances(middle - 2.5 * noise_m * surface.normals) > 2.499 * noise_m
+    margin_m = 4.0 * noise_m
+    return np.asarray((along > margin_m) & (along < surface.widths_m[pairs.face] - margin_m) & thick[pairs.face])
