@@ -25,7 +25,7 @@ from dataclasses import dataclass
 from linear_ik.bending import Bend
 from linear_ik.element import Element, End, Start
 from linear_ik.profile import Circle, IShape, Profile, Rectangle, RectangleHollow
-from linear_ik.simulate import SimulatedScan, simulate
+from linear_ik.simulate import Layout, SimulatedScan, simulate
 
 LENGTH_M, SEGMENTS, POINTS, NOISE_M = 2.5, 10, 10_000, 0.001
 
@@ -86,9 +86,19 @@ class Case:
         """The case study it belongs to, "1" to "4", or ours, "5"."""
         return self.name[0]
 
-    def scan(self, seed: int = 1, points: int = POINTS, noise_m: float = NOISE_M) -> SimulatedScan:
-        """Return the case's cloud."""
-        return simulate(self.element, bends=self.bends, points=points, noise_m=noise_m, seed=seed, missing=self.missing)
+    def scan(
+        self, seed: int = 1, points: int = POINTS, noise_m: float = NOISE_M, layout: Layout = "random"
+    ) -> SimulatedScan:
+        """Return the case's cloud; the paper's own lie on a grid (its section 4.1)."""
+        return simulate(
+            self.element,
+            bends=self.bends,
+            points=points,
+            noise_m=noise_m,
+            seed=seed,
+            missing=self.missing,
+            layout=layout,
+        )
 
 
 SMALL, MODERATE, LARGE = (Bend(8, "x", degrees) for degrees in (9.0, 22.5, 45.0))

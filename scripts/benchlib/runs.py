@@ -3,6 +3,8 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
+from contextlib import contextmanager
 from dataclasses import asdict, dataclass, field
 from typing import Any
 
@@ -71,8 +73,10 @@ class Run:
 class Yardstick:
     """Measures poses of one element against one scan, by the code of no method."""
 
-    def __init__(self, element: Element, scan: SimulatedScan, seed: int = 0) -> None:
-        """Sample a cloud on the model, as dense as the scan is.
+    def __init__(
+        self, element: Element, scan: SimulatedScan, seed: int = 0, cloud: SimulatedScan | None = None
+    ) -> None:
+        """Sample a cloud on the model, as dense as the scan is, or take that of a scan of the design.
 
         The paper's RMSE is the rms distance from the scan's points (5,000 of them at
         most) to the nearest point of that cloud.
@@ -87,6 +91,8 @@ class Yardstick:
         xy = surface.corners[edge] + (rng.random(count) * surface.widths_m[edge])[:, None] * surface.tangents[edge]
         self._segment = rng.integers(element.segments, size=count)
         self._local = np.column_stack([xy, rng.random(count) * element.segment_length_m])
+        if cloud is not None:
+            self._segment, self._local = in_segments(element, cloud)
         few = rng.permutation(count)[:MOST_QUERIES]
         self._queries = scan.points[few]
 
@@ -105,6 +111,45 @@ class Yardstick:
     def at_truth(self) -> tuple[float, float]:
         """Return both figures of the truth: what a perfect fit would score."""
         return self.measure(self.scan.q, self.scan.base_pose)
+
+
+def in_segments(element: Element, cloud: SimulatedScan) -> tuple[npt.NDArray[np.intp], Array]:
+    """Return the segment [P] (from 0) of each point of a scan of the design, and the point in its frame [P][3]."""
+    segment = cloud.segment.astype(np.intp) - 1
+    T = element.placement.T_world_element
+    local = (cloud.points - T[:3, 3]) @ T[:3, :3]
+    local[:, 2] -= segment * element.segment_length_m
+    return segment, local
+
+
+@contextmanager
+def model_cloud(element: Element, cloud: SimulatedScan) -> Iterator[None]:
+    """Have the paper's method use a scan of the design as its model's cloud."""
+    import linear_ik.icpik as icpik
+
+    class Given(icpik.ModelCloud):
+        def __init__(self, *_: object) -> None:
+            self.segment, self.local = in_segments(element, cloud)
+
+    with patched((icpik, "ModelCloud", Given)):
+        yield
+
+
+@contextmanager
+def patched(*changes: tuple[Any, str, Any]) -> Iterator[None]:
+    """Give names of modules or classes other values for a while; each as (where, name, value).
+
+    Raises:
+        AttributeError: there is nothing of that name to replace.
+    """
+    before = [(where, name, getattr(where, name)) for where, name, _ in changes]
+    for where, name, value in changes:
+        setattr(where, name, value)
+    try:
+        yield
+    finally:
+        for where, name, value in before:
+            setattr(where, name, value)
 
 
 def run(
