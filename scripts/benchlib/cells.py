@@ -10,14 +10,15 @@ import sys
 import time
 from collections.abc import Iterable, Sequence
 from dataclasses import asdict, dataclass
+from functools import cache
 from pathlib import Path
-from typing import Any
+from typing import Any, get_args
 
 import numpy as np
 
 from benchlib.bound import cramer_rao
 from benchlib.cases import NOISE_M, POINTS, named
-from benchlib.runs import node_errors_mm
+from benchlib.runs import warm_up
 from benchlib.scenes import Scene
 
 # What no fit depends on: files, formats and screens.
@@ -66,7 +67,7 @@ class Cell:
     """Some seeds of one scene, for one method.
 
     Attributes:
-        method: "default" or "icpik".
+        method: "default" or "icpik", or the name of one of `variants`.
         seeds: of the scene.
         scene: of a map, or None.
         case: name of one of the paper's cases, where there is no scene.
@@ -86,30 +87,31 @@ class Cell:
         return hashlib.sha256(told.encode()).hexdigest()[:20]
 
 
-def run_all(cells: Sequence[Cell], cache: Path, workers: int) -> dict[Cell, list[Outcome]]:
+def run_all(cells: Sequence[Cell], folder: Path, workers: int, code: Sequence[str] = ()) -> dict[Cell, list[Outcome]]:
     """Return the outcomes of every cell, taken from the cache where they are there.
 
     Args:
         cells: what to run.
-        cache: folder; what was made by other code than today's is not used.
+        folder: the cache; what was made by other code than today's is not used.
         workers: processes.
+        code: files beside this one that the outcomes depend on too.
     """
-    cache = cache / fingerprint()
-    cache.mkdir(parents=True, exist_ok=True)
-    (cache.parent / ".gitignore").write_text("*\n", encoding="utf-8")
+    kept = folder / fingerprint(code)
+    kept.mkdir(parents=True, exist_ok=True)
+    (folder / ".gitignore").write_text("*\n", encoding="utf-8")
     jobs = [(cell, seed) for cell in cells for seed in cell.seeds]
-    left = [job for job in jobs if not (cache / f"{job[0].key(job[1])}.json").exists()]
+    left = [job for job in jobs if not (kept / f"{job[0].key(job[1])}.json").exists()]
     print(f"{len(jobs)} fits, {len(jobs) - len(left)} of them done before", file=sys.stderr, flush=True)
     started = time.monotonic()
     for done, (cell, seed, outcome) in enumerate(_results(left, workers), start=1):
-        path = cache / f"{cell.key(seed)}.json"
+        path = kept / f"{cell.key(seed)}.json"
         path.with_suffix(".new").write_text(json.dumps(asdict(outcome)), encoding="utf-8")
         path.with_suffix(".new").replace(path)
         if done % 50 == 0 or done == len(left):
             spent = time.monotonic() - started
             print(f"{done} of {len(left)} fits, {spent:.0f} s", file=sys.stderr, flush=True)
     return {
-        cell: [Outcome(**json.loads((cache / f"{cell.key(s)}.json").read_text(encoding="utf-8"))) for s in cell.seeds]
+        cell: [Outcome(**json.loads((kept / f"{cell.key(s)}.json").read_text(encoding="utf-8"))) for s in cell.seeds]
         for cell in cells
     }
 
@@ -128,6 +130,7 @@ def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
     """Run one seed of a cell."""
     import linear_ik.icpik
     from linear_ik import FitSettings, fit
+    from linear_ik.settings import Method
 
     cell, seed = job
     if cell.scene is not None:
@@ -138,14 +141,20 @@ def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
         element, scan, noise_m = case.element, case.scan(seed, cell.points), NOISE_M
         linear_ik.icpik.MODEL_POINTS = cell.points
     bound = cramer_rao(element, scan, noise_m)
-    given = scan.without_truth()
-    started = time.perf_counter()
-    result = fit(element, given, FitSettings(method=cell.method))
-    time_s = time.perf_counter() - started
-    errors = np.array(node_errors_mm(result, scan))
+    _warm_up()
+    if cell.method in get_args(Method):
+        started = time.perf_counter()
+        result = fit(element, scan.without_truth(), FitSettings(method=cell.method))  # type: ignore[arg-type]
+        nodes, status, iterations = result.nodes_m, result.status, result.iterations
+        time_s = time.perf_counter() - started
+    else:
+        from benchlib.variants import all_variants
+
+        nodes, status, iterations, time_s = all_variants()[cell.method].run(element, scan)
+    errors = 1e3 * np.linalg.norm(nodes - scan.nodes_m, axis=1)
     outcome = Outcome(
         seed,
-        result.status,
+        status,
         float(errors.max()),
         float(np.sqrt(np.mean(errors[1:] ** 2))),
         float(errors[-1]),
@@ -154,12 +163,19 @@ def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
         1e3 * bound.tip_m,
         bound.observable,
         time_s,
-        result.iterations,
+        iterations,
     )
     return cell, seed, outcome
 
 
-def fingerprint() -> str:
+@cache
+def _warm_up() -> None:
+    """Fit once in each process before anything is timed: the first fit pays for the imports."""
+    case = named("1b")
+    warm_up(case.element, case.scan(1, 1_000))
+
+
+def fingerprint(code: Sequence[str] = ()) -> str:
     """Return a hash of the code that the outcomes depend on: the fit, and the scenes."""
     import linear_ik
 
@@ -168,7 +184,7 @@ def fingerprint() -> str:
     sources = [
         p for p in sorted(package.rglob("*.py")) if p.relative_to(package).parts[0].split(".")[0] not in ROOMS_ABOVE
     ]
-    sources += [here / name for name in ("cells.py", "scenes.py", "cases.py", "bound.py")]
+    sources += [here / name for name in ("cells.py", "scenes.py", "cases.py", "bound.py", *code)]
     total = hashlib.sha256()
     for path in sources:
         total.update(path.read_bytes())
