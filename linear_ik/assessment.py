@@ -159,12 +159,12 @@ def judge(
             "the visible faces do not show all bending: "
             f"node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)"
         )
-    status: Status = "uncertain" if reasons else "converged"
     if along_m.max() > MOST_SPREAD_M:
         reasons.append(
             "the scan does not show where the element lies along its axis: as designed, "
             f"to {along_m.max() * 2e3:.0f} mm (95 %)"
         )
+    status: Status = "uncertain" if reasons else "converged"
     if not converged:
         return "max_iterations", ("the iterations ran out before the fit settled", *reasons)
     return status, tuple(reasons)

@@ -215,7 +215,7 @@ def other_terms(
     """
     moving = np.arange(len(x)) if moving is None else moving
     information = points.mean_information()
-    objective = prior(x[moving], np.zeros(len(moving)), (noise_m / problem.prior_sd[moving]) ** 2)
+    objective = prior(x[moving], problem.prior_mean[moving], (noise_m / problem.prior_sd[moving]) ** 2)
     if problem.element.end != "free" and grown in (None, pose.n_segments):
         objective += end_support(problem.element, pose, noise_m**2).of(moving)
     if settings.weights.continuity:

@@ -173,6 +173,12 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status == "not_scanned":
         return absent(problem, reasons, settings, log, clock)
+    if settled.start_shift_m is not None:
+        status = "uncertain" if status == "converged" else status
+        off_mm = 1e3 * float(np.linalg.norm(settled.start_shift_m))
+        reasons += (
+            f"the scan shows the start {off_mm:.0f} mm off the place where it is held (start: free lets it move)",
+        )
     if settled.foreign.any():
         reasons += (f"{listed(settled.foreign)}: the points there lie on something else than the designed surface",)
     if settled.misfit is not None:

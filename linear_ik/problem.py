@@ -36,6 +36,7 @@ class Problem:
             box, less the torsion of a round section, which no point can see, and less the
             slide along the axis until `released`.
         prior_sd: [6 + 3N] standard deviation of each variable before the scan is seen.
+        prior_mean: [6 + 3N] its mean: the design.
     """
 
     element: Element
@@ -45,6 +46,7 @@ class Problem:
     points: Array
     variables: npt.NDArray[np.intp]
     prior_sd: Array
+    prior_mean: Array
 
     @classmethod
     def of(cls, element: Element, scan: Scan) -> Problem:
@@ -57,13 +59,21 @@ class Problem:
         movable = chain.upper > chain.lower
         if surface.radius_m is not None:
             movable[BASE::3] = False
-        movable[AXIAL] = False
+        # Faces do not show a slide along them, so it is held until something else does.
+        movable[AXIAL] &= element.end in ("pinned", "fixed")
         sd = np.tile([TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD], element.segments + 2)
         sd[BASE : BASE + 3] = FIRST_JOINT_SD_RAD
         # A base that may move is expected anywhere in its box: uniform has this deviation.
         sd[:BASE] = np.maximum(chain.upper[:BASE] / np.sqrt(3.0), 1e-9)
         return cls(
-            element, chain, surface, Matcher(surface, chain.segment_length_m), points, np.flatnonzero(movable), sd
+            element,
+            chain,
+            surface,
+            Matcher(surface, chain.segment_length_m),
+            points,
+            np.flatnonzero(movable),
+            sd,
+            np.zeros(chain.nv),
         )
 
     def seeing(self, points: Array) -> Problem:
@@ -79,9 +89,9 @@ class Problem:
         """Return the problem with the slide along the axis free to move."""
         return replace(self, variables=np.union1d(self.variables, [AXIAL]))
 
-    def expecting(self, prior_sd: Array) -> Problem:
-        """Return the problem under another prior [6 + 3N]."""
-        return replace(self, prior_sd=prior_sd)
+    def expecting(self, prior_sd: Array, prior_mean: Array | None = None) -> Problem:
+        """Return the problem under another prior: deviations and, where given, means [6 + 3N]."""
+        return replace(self, prior_sd=prior_sd, prior_mean=self.prior_mean if prior_mean is None else prior_mean)
 
     def measuring(self, surface: Surface) -> Problem:
         """Return the problem with the section as it measures."""

@@ -26,6 +26,7 @@ from linear_ik.descent import (
     record,
     step_objective,
 )
+from linear_ik.ends import anchored, shift_at_start, slide_of_ends
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
@@ -44,7 +45,8 @@ MOST_ROUNDS = 5
 MOST_ITERATIONS = 50
 STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
 SLIDE_SEEN_M = 0.003
-FOREIGN_RATIO = 2.0
+FOREIGN_RATIO, FOREIGN_RATIO_KINKED = 2.0, 1.5
+KINK_RATIO, LEAST_KINK_RAD = 5.0, np.radians(0.05)
 FOREIGN_EXCESS_M = 0.0004
 
 
@@ -66,6 +68,7 @@ class Settled:
         converged: whether it came to rest.
         still: [6 + 3N] the step that the points still ask for; a method that stops
             elsewhere is that far off.
+        start_shift_m: [2] across the axis, where the points put a held start elsewhere.
     """
 
     problem: Problem
@@ -80,6 +83,7 @@ class Settled:
     misfit: SectionMisfit | None
     converged: bool
     still: Array
+    start_shift_m: Array | None
 
 
 def settle(problem: Problem, found: Descended, some: Array, settings: FitSettings, solver: Solver, log: Log) -> Settled:
@@ -107,13 +111,16 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
                 problem = problem.measuring(designed.scaled(misfit.scale))
                 changed = True
         if not changed:
-            worse = foreign | foreign_segments(found, foreign)
+            worse = foreign | foreign_segments(problem, found, foreign)
             changed, foreign = bool((worse != foreign).any()), worse
         objective = step_objective(problem, found.x, found.pose, found.pairs, found.weights, noise_m, settings)
         problem = problem.expecting(evidence(problem, found.x, objective, noise_m))
         if not changed and problem.may_slide and AXIAL not in problem.variables:
-            changed = slide_seen(problem, found, objective, noise_m)
-            problem = problem.released() if changed else problem
+            slide = slide_of_ends(problem, found.pairs, noise_m)
+            if slide is not None:
+                problem, changed = anchored(problem, found.x, slide), True
+            elif slide_seen(problem, found, objective, noise_m):
+                problem, changed = problem.released(), True
         found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, settings, solver, log)
         if not changed:
             break
@@ -131,7 +138,8 @@ def count(
 ) -> Settled:
     """Count all points at the pose that the sample came to rest at."""
     counted = tally(problem, found.pose, noise_m, ROBUST_SCALE * noise_m, foreign if foreign.any() else None)
-    objective = counted.objective + other_terms(problem, found.x, found.pose, counted.objective, noise_m, settings)
+    others = other_terms(problem, found.x, found.pose, counted.objective, noise_m, settings)
+    objective = counted.objective + others
     moving, still = problem.variables, np.zeros(len(found.x))
     still[moving] = -np.linalg.solve(objective.of(moving).H, objective.c[moving])
     return Settled(
@@ -147,6 +155,7 @@ def count(
         misfit,
         found.converged,
         still,
+        shift_at_start(problem, counted.objective, others, noise_m),
     )
 
 
@@ -215,7 +224,7 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     sd, now = problem.prior_sd.copy(), 1.0 / problem.prior_sd[moving] ** 2
     information = objective.H[np.ix_(moving, moving)] / noise_m**2 - np.diag(now)
     # Right-hand side of the normal equations of the points alone, in x instead of dx.
-    pull = information @ x[moving] - (objective.c[moving] / noise_m**2 - now * x[moving])
+    pull = information @ x[moving] - (objective.c[moving] / noise_m**2 - now * (x - problem.prior_mean)[moving])
     mean, variance = np.zeros(len(sd)), np.zeros(len(sd))
     for _ in range(EVIDENCE_ROUNDS if len(moving) <= 200 else 3):
         before = sd.copy()
@@ -237,8 +246,14 @@ def slide_seen(problem: Problem, found: Descended, objective: Objective, noise_m
     return bool(np.sqrt(S[AXIAL, AXIAL]) < SLIDE_SEEN_M)
 
 
-def foreign_segments(found: Descended, ignored: Mask) -> Mask:
-    """Return which segments [N] lie on points that scatter far more than the others'."""
+def foreign_segments(problem: Problem, found: Descended, ignored: Mask) -> Mask:
+    """Return which segments [N] lie on points of something else.
+
+    Their points scatter twice as much as the other segments' points, or half as much
+    again while the segment kinks far more than the rest of the element. A member that
+    really kinks keeps its scatter, and so does one that would kink further than its
+    joints may.
+    """
     used = found.weights > 0
     segment = found.pairs.segment[used]
     residual = np.abs(found.pairs.residual_m[used])
@@ -248,4 +263,17 @@ def foreign_segments(found: Descended, ignored: Mask) -> Mask:
         return np.zeros(len(ignored), dtype=bool)
     noise_m = np.array([MAD_TO_SD * float(np.median(part)) if len(part) else 0.0 for part in parts])
     usual_m = float(np.median(noise_m[judged]))
-    return judged & (noise_m > FOREIGN_RATIO * usual_m) & (noise_m > usual_m + FOREIGN_EXCESS_M)
+    x, lower, upper = found.x[BASE:], problem.chain.lower[BASE:], problem.chain.upper[BASE:]
+    bends = np.linalg.norm(x.reshape(-1, 3)[:, 1:], axis=1)
+    if problem.chain.upper[3] > 0:
+        bends[0] = 0.0  # the first joint shares the base's rotation
+    at_limit = np.asarray((x <= lower) | (x >= upper)).reshape(-1, 3).any(axis=1)
+    worst, limited = bends.copy(), at_limit.copy()
+    worst[:-1] = np.maximum(worst[:-1], bends[1:])
+    limited[:-1] |= at_limit[1:]
+    rest = np.array(
+        [np.sqrt(np.mean(np.delete(bends, [k, min(k + 1, len(bends) - 1)]) ** 2)) for k in range(len(bends))]
+    )
+    kinked = worst > KINK_RATIO * np.maximum(rest, LEAST_KINK_RAD)
+    ratio = np.where(kinked, FOREIGN_RATIO_KINKED, FOREIGN_RATIO)
+    return np.asarray(judged & ~limited & (noise_m > ratio * usual_m) & (noise_m > usual_m + FOREIGN_EXCESS_M))

@@ -27,7 +27,9 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 POINTS_A_SEARCH = 600
+LEAST_TAU_M, MOST_TAU_M = 0.004, 0.012  # wider, and the two sides of a plate are one
 CHILDREN = 3
+SHIFT_STEP_M, MOST_STEPS = 0.02, 8  # of a floating base, each way; a large tolerance is searched more coarsely
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
 
@@ -58,7 +60,7 @@ class Startup:
         """Take a cloud of even density, element's frame, and its noise."""
         self.problem, self.points, self.noise_m = problem, points, noise_m
         self.settings, self.solver, self.log = settings, solver, log
-        self.tau_m = float(np.clip(4.0 * noise_m, 0.004, 0.02))
+        self.tau_m = float(np.clip(4.0 * noise_m, LEAST_TAU_M, MOST_TAU_M))
         self.field = DistanceField(problem.surface)
         self.rng = np.random.default_rng(settings.seed)
         self.floating = bool(problem.chain.upper[0] > 0)
@@ -142,7 +144,8 @@ class Startup:
         bends = self.bends(first, parent.x)
         turns = before @ bend_rotations(bends)
         scores = np.stack([self.field.scores(points - pose.nodes_m[first] - s, turns, length) for s in shifts])
-        scores -= 0.5 * ((bends / self.problem.prior_sd[BASE + 4]) ** 2).sum(axis=1)
+        row = BASE + 3 * first + 1
+        scores -= 0.5 * ((bends / self.problem.prior_sd[row : row + 2]) ** 2).sum(axis=1)
         wanted = 8 if len(shifts) > 1 else CHILDREN
         taken: list[tuple[Array, Array]] = []
         for best in np.argsort(-scores, axis=None)[:2000]:
@@ -154,8 +157,11 @@ class Startup:
                 x[:3] += shift
                 # A base that may turn takes what its tolerance allows, the joint the rest.
                 held = np.clip(bend, chain.lower[4:6], chain.upper[4:6]) if first == 0 else np.zeros(2)
-                x[4:6] += held
-                x[BASE + 3 * first : BASE + 3 * first + 3] = [0.0, *(bend - held)]
+                if first == 0:
+                    x[3:6] = [0.0, *held]
+                # The rest of an arm goes straight on.
+                x[BASE + 3 * first : BASE + 3 * k + 3] = 0.0
+                x[row : row + 2] = bend - held
                 yield chain.clip(x)
             if len(taken) == wanted:
                 return
@@ -163,7 +169,7 @@ class Startup:
     def shifts(self) -> Array:
         """Return the translations [S][3] across the axis that a free base may have."""
         reach = self.problem.chain.upper[:2]
-        steps = [np.linspace(-r, r, 2 * int(np.ceil(r / 0.02)) + 1) for r in reach]
+        steps = [np.linspace(-r, r, 2 * min(int(np.ceil(r / SHIFT_STEP_M)), MOST_STEPS) + 1) for r in reach]
         x, y = np.meshgrid(*steps)
         return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 

@@ -7,7 +7,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import Pose
 from linear_ik.correspondence import Correspondences
-from linear_ik.problem import AXIAL, Problem
+from linear_ik.problem import Problem
 from linear_ik.terms.objective import Objective
 
 Array = npt.NDArray[np.float64]
@@ -31,8 +31,9 @@ def noise_of(pairs: Correspondences, weights: Array | None = None) -> float:
 def point_noise(points: Array, cloud: Array, rng: np.random.Generator) -> float:
     """Return the noise of a cloud before anything is fitted: the roughness of small patches.
 
-    Median over patches of the smallest principal deviation of some 20 neighbours, which
-    for neighbours on a plane is the noise across it.
+    Lower quartile over patches of the smallest principal deviation of a dozen neighbours,
+    which for neighbours on a plane is the noise across it. Not the median: around thin
+    plates most patches take points of both sides.
 
     Args:
         points: [P][3] candidates for the patches' centres.
@@ -43,10 +44,10 @@ def point_noise(points: Array, cloud: Array, rng: np.random.Generator) -> float:
 
     tree = cKDTree(cloud, balanced_tree=False, compact_nodes=False)
     centres = points if len(points) <= 200 else rng.choice(points, 200, replace=False)
-    _, rows = tree.query(centres, k=min(20, len(cloud)))
+    _, rows = tree.query(centres, k=min(12, len(cloud)))
     patches = cloud[rows] - cloud[rows].mean(axis=1, keepdims=True)
     smallest = np.linalg.svd(patches, compute_uv=False)[:, -1]
-    return float(np.median(smallest) / np.sqrt(max(rows.shape[1] - 3, 1)))
+    return float(np.quantile(smallest, 0.25) / np.sqrt(max(rows.shape[1] - 3, 1)))
 
 
 def covariance(problem: Problem, pose: Pose, objective: Objective, noise_m: float) -> tuple[Array, Array]:
@@ -57,7 +58,8 @@ def covariance(problem: Problem, pose: Pose, objective: Objective, noise_m: floa
     nodes by their Jacobian: ``S = s^2 H^-1``, ``C_k = A_k S A_k'``.
 
     Args:
-        problem: for the variables that may move; the others have no variance.
+        problem: for the variables that may move; the others have no variance. A slide
+            along the axis counts as free even where the fit held it.
         pose: the fitted chain.
         objective: sum of all terms but the damping, over all variables.
         noise_m: s, standard deviation of a point.
@@ -65,13 +67,13 @@ def covariance(problem: Problem, pose: Pose, objective: Objective, noise_m: floa
     Returns:
         [6 + 3N][6 + 3N] of the variables; [N+1][3][3] of the nodes, element's frame, m^2.
     """
+    if problem.may_slide:
+        problem = problem.released()
     rows = np.ix_(problem.variables, problem.variables)
     S = np.zeros_like(objective.H)
     H = objective.H[rows]
     scale = 1.0 / np.sqrt(np.diag(H))
     S[rows] = noise_m**2 * np.linalg.inv(H * scale * scale[:, None]) * scale * scale[:, None]
-    if problem.may_slide and AXIAL not in problem.variables:
-        S[AXIAL, AXIAL] = problem.prior_sd[AXIAL] ** 2
     A = pose.node_jacobians()
     return S, np.einsum("kai,ij,kbj->kab", A, S, A, optimize=True)
 
