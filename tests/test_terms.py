@@ -12,6 +12,7 @@ from hypothesis import strategies as st
 from samples import SAMPLES
 
 from linear_ik.chain import BASE, Chain, Pose
+from linear_ik.cloud_pairs import CloudPairs
 from linear_ik.correspondence import Correspondences, Matcher
 from linear_ik.element import Element
 from linear_ik.profile import Circle, Rectangle
@@ -22,6 +23,7 @@ from linear_ik.terms.continuity import continuity
 from linear_ik.terms.damping import Damping, damping
 from linear_ik.terms.directional_constraint import directional_constraint
 from linear_ik.terms.point_residual import point_residual
+from linear_ik.terms.point_to_point import point_to_point
 from linear_ik.terms.prior import prior
 from linear_ik.terms.support import end_support
 
@@ -61,6 +63,23 @@ def points_on(profile: str, segments: int | None = None) -> Callable[[np.ndarray
         return point_residual(m.pose, m.pairs, m.weights), m.residuals
 
     return term
+
+
+def cloud_pairs(x: np.ndarray) -> tuple[Objective, Residuals]:
+    """The paper's term: points of the model pulled to points of the scan, the pairs held."""
+    rng = np.random.default_rng(6)
+    segment = np.sort(rng.choice([0, 1, 3], 200))  # nothing on the third
+    local, weights = rng.uniform([-0.05, -0.15, 0], [0.05, 0.15, 0.5], (200, 3)), rng.uniform(0, 4, 200)
+
+    def place(at: np.ndarray) -> np.ndarray:
+        pose = CHAIN.pose(at)
+        return np.einsum("pij,pj->pi", pose.rotations[segment], local) + pose.nodes_m[segment]
+
+    target = place(x) + rng.normal(0, 0.01, (200, 3))
+    starts = np.searchsorted(segment, np.arange(SEGMENTS + 1))
+    pairs = CloudPairs(starts, place(x), target, np.linalg.norm(target - place(x), axis=1))
+    objective = point_to_point(CHAIN.pose(x), pairs, weights, np.arange(len(x)))
+    return objective, lambda at: (np.sqrt(weights)[:, None] * (place(at) - target)).ravel()
 
 
 def damped(x: np.ndarray) -> tuple[Objective, Residuals]:
@@ -105,6 +124,7 @@ def held(end: str) -> Callable[[np.ndarray], tuple[Objective, Residuals]]:
 TERMS: dict[str, Callable[[np.ndarray], tuple[Objective, Residuals]]] = {
     **{f"points on {name}": points_on(name) for name in SAMPLES},
     "points on two segments": points_on("rectangle", 2),
+    "points on points": cloud_pairs,
     "damping": damped,
     "continuity": continuous,
     "directional constraint": directional,
