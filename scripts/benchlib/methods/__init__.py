@@ -1,0 +1,1 @@
+"""What `bench_peers` sets side by side: each function here makes one solver of a Task."""
