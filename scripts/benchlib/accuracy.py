@@ -18,6 +18,7 @@ from typing import Any
 
 import numpy as np
 
+from benchlib import gate
 from benchlib.cases import PAPER
 from benchlib.cells import Cell, Outcome, as_mapping, run_all
 from benchlib.maps import SuccessMap, draw_efficiency, draw_maps
@@ -28,6 +29,9 @@ ROOT = Path(__file__).parent.parent.parent
 METHODS = ("icpik", "default")
 EFFICIENT = 1.2
 WANTED_MM = 0.5
+
+
+Places = dict[tuple[str, int, int, str], list[Outcome]]
 
 
 @dataclass(frozen=True)
@@ -56,12 +60,13 @@ QUICK = Plan(("1b", "4c"), {"default": 3, "icpik": 1}, {"default": 1, "icpik": 1
 
 
 def main(arguments: list[str] | None = None) -> int:
-    """Run what is not in the cache yet, write tables and pictures; 1 where the paper's method reaches farther."""
+    """Run what is not in the cache yet, and write tables and pictures."""
     parser = argparse.ArgumentParser(prog="bench_accuracy", description=__doc__.split("\n\n")[0])
     parser.add_argument("-o", "--output", type=Path, default=ROOT / "build" / "bench" / "accuracy", help="folder")
     parser.add_argument("--quick", action="store_true", help="two cases, one small map, few seeds")
     parser.add_argument("--docs", action="store_true", help="renew docs/figures and the tables in docs/method.md too")
     parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1), help="processes")
+    gate.add_arguments(parser)
     options = parser.parse_args(arguments)
     plan = QUICK if options.quick else FULL
     maps = [m.thinned(plan.thin) for m in map_plans() if not plan.maps or m.title in plan.maps]
@@ -99,9 +104,23 @@ def main(arguments: list[str] | None = None) -> int:
             text = (options.output / f"{name}.md").read_text(encoding="utf-8")
             fill_in(document, f"bench_accuracy {name}", text)
     print("\n".join(str(path) for path in written))
-    for line in violations:
-        print(f"beyond the default: {line}", file=sys.stderr)
-    return 1 if violations else 0
+    return gate.finish(
+        "bench_accuracy", "quick" if options.quick else "full", metrics(rows, maps, by_place, violations), options
+    )
+
+
+def metrics(
+    rows: Sequence[dict[str, Any]], maps: Sequence[MapPlan], places: Places, violations: Sequence[str]
+) -> list[gate.Metric]:
+    """Return what the gate holds: errors relative to the bound, shares of success, and whose reach is wider."""
+    ours = [row for row in rows if row["method"] == "default"]
+    out = [gate.Metric(f"{r['case']}: nodes / bound", r["nodes / bound"], noise=0.05, target=EFFICIENT) for r in ours]
+    out += [
+        gate.Metric(f"{m.title}: success, %", map_row(m, places)["default succeed %"], noise=0.02, better="higher")
+        for m in maps
+    ]
+    beyond = gate.Metric("fits where the paper's method reaches farther", float(len(violations)), noise=0.0, target=0.0)
+    return [*out, beyond]
 
 
 # Errors beside the bound ----------------------------------------------------------------
@@ -153,8 +172,6 @@ def efficiency_notes(rows: Sequence[dict[str, Any]]) -> list[str]:
 
 
 # Maps -----------------------------------------------------------------------------------
-
-Places = dict[tuple[str, int, int, str], list[Outcome]]
 
 
 def beyond_default(places: Places) -> list[str]:

@@ -17,7 +17,7 @@ from typing import Any
 
 import numpy as np
 
-from benchlib import figures
+from benchlib import figures, gate
 from benchlib.bound import Bound, cramer_rao
 from benchlib.cases import NOISE_M, PAPER, POINTS, Case, named
 from benchlib.reports import fill_in, write_table
@@ -64,6 +64,7 @@ def main(arguments: list[str] | None = None) -> int:
     parser.add_argument("--quick", action="store_true", help=f"cases {' and '.join(QUICK)} with {QUICK_POINTS} points")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated clouds")
     parser.add_argument("--docs", action="store_true", help="renew docs/figures and the table in docs/method.md too")
+    gate.add_arguments(parser)
     options = parser.parse_args(arguments)
     points = QUICK_POINTS if options.quick else POINTS
     most = QUICK_ITERATIONS if options.quick else icpik.MOST_ITERATIONS
@@ -84,7 +85,17 @@ def main(arguments: list[str] | None = None) -> int:
         written += draw(ROOT / "docs" / "figures", compared, points, options.seed)
         fill_in(ROOT / "docs" / "method.md", "bench_paper", written[0].read_text(encoding="utf-8"))
     print("\n".join(str(path) for path in written))
-    return 0
+    return gate.finish("bench_paper", "quick" if options.quick else "full", metrics(compared), options)
+
+
+def metrics(compared: list[Compared]) -> list[gate.Metric]:
+    """Return what the gate holds: the default's worst nodes, and its iterations in the paper's own cases."""
+    out = [
+        gate.Metric(f"{c.case.name}: worst node, mm", c.runs["default"].max_mm, noise=0.2, target=WANTED_MM)
+        for c in compared
+    ]
+    iterations = [c.runs["default"].iterations for c in compared if c.case.study != "5"]
+    return [*out, gate.Metric("median iterations", float(np.median(iterations)), noise=0.2, target=10.0)]
 
 
 def compare(case: Case, seed: int, points: int, most_iterations: int, repeats: int) -> Compared:

@@ -78,8 +78,7 @@ class Scene:
         count = self.joints or self.segments - 1
         bent = rng.choice(np.arange(1, self.segments), count, replace=False)
         angles = np.zeros((self.segments, 3))
-        # Within the limit about each axis, whatever the azimuth: a box of angles, not a cone.
-        angles[bent, :2] = np.radians(self.total_deg / count) * np.array([np.cos(azimuth), np.sin(azimuth)])
+        angles[bent] = bend_angles(np.radians(self.total_deg / count), azimuth)
         scan = simulate(
             self.element,
             joint_angles_rad=angles,
@@ -158,6 +157,18 @@ def map_plans() -> tuple[MapPlan, ...]:
             tuple((str(n), replace(base, segments=n, points=100 * max(n, 40))) for n in (5, 10, 20, 40, 60)),
         ),
     )
+
+
+def bend_angles(bend_rad: float, azimuth_rad: float) -> Array:
+    """Return the angles [3] about x, y, z, as R = Rz Ry Rx, of a bend about an axis across the member.
+
+    The axis is the same in every segment's frame, so such bends stay in one plane.
+    """
+    from scipy.spatial.transform import Rotation
+
+    turn = Rotation.from_rotvec(bend_rad * np.array([np.cos(azimuth_rad), np.sin(azimuth_rad), 0.0]))
+    limit = np.radians(45.0)
+    return np.asarray(np.clip(turn.as_euler("ZYX")[::-1], -limit, limit))
 
 
 def with_holes(scan: SimulatedScan, share: float, rng: np.random.Generator) -> SimulatedScan:
