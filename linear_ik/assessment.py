@@ -9,22 +9,18 @@ from linear_ik.chain import BASE, Pose
 from linear_ik.correspondence import Correspondences
 from linear_ik.problem import Problem
 from linear_ik.result import SegmentResult, SegmentStatus, Status
-from linear_ik.surface import Surface
-from linear_ik.tally import Tally
+from linear_ik.tally import COVERAGE_RADIUS, Tally
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-COVERAGE_RADIUS = 0.02
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
 MOST_SPREAD_M = 0.010
 
 
-def assess_segments(
-    problem: Problem, pose: Pose, counted: Tally, pairs: Correspondences, used: Mask, foreign: Mask
-) -> tuple[SegmentResult, ...]:
+def assess_segments(problem: Problem, counted: Tally, foreign: Mask) -> tuple[SegmentResult, ...]:
     """Return status, points, coverage and residual of each segment.
 
     A segment is measured where points crowd on its surface: a cloud without it has three
@@ -32,61 +28,53 @@ def assess_segments(
 
     Args:
         problem: what was fitted.
-        pose: the fitted chain.
         counted: sums over all points.
-        pairs: matches of a sample of them.
-        used: [P] the sample's matches on the surface.
         foreign: [N] segments whose points were ignored; neighbours and priors fix them.
     """
     count = counted.matched
-    covered = coverage(problem, pose, pairs, used)
+    covered = coverage(problem, counted)
     seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE) & (count >= counted.beside)
     seen &= ~foreign
-    last = int(np.flatnonzero(seen | foreign)[-1]) if seen.any() else -1
+    between = _between(problem, seen | foreign)
     out = []
-    for k in range(pose.n_segments):
-        status: SegmentStatus = "measured" if seen[k] else ("inferred" if k <= last else "not_scanned")
+    for k in range(len(count)):
+        status: SegmentStatus = "measured" if seen[k] else ("inferred" if between[k] else "not_scanned")
         rmse = float(np.sqrt(counted.squares_m2[k] / count[k])) if count[k] else float("nan")
         out.append(SegmentResult(status, int(count[k]), float(covered[k]), rmse))
     return tuple(out)
 
 
-def coverage(problem: Problem, pose: Pose, pairs: Correspondences, used: Mask) -> Array:
-    """Return the share [N] of each segment's surface near a matched point.
+def _between(problem: Problem, known: Mask) -> Mask:
+    """Return which segments [N] have something known, a seen segment or a support, on both sides."""
+    element = problem.element
+    below = np.logical_or.accumulate(known) | (element.start != "free")
+    above = np.logical_or.accumulate(known[::-1])[::-1] | (element.end in ("pinned", "fixed"))
+    return np.asarray(below & above)
 
-    Near is within 2 % of the element's length (design contract).
-    """
+
+def coverage(problem: Problem, counted: Tally) -> Array:
+    """Return the share [N] of each segment's surface within 2 % of the element's length of a matched point."""
     from scipy.spatial import cKDTree
 
-    if not used.any():
-        return np.zeros(pose.n_segments)
-    radius = COVERAGE_RADIUS * problem.element.length_m
-    local = pairs.local[used].copy()
-    segment = pairs.segment[used]
-    samples = surface_samples(problem.surface, problem.element.segment_length_m, radius / 2)
-    # Segments are laid far apart, so that one tree serves them all.
-    apart = 10.0 * (problem.element.length_m + problem.surface.reach_m)
-    local[:, 0] += apart * segment
-    tree = cKDTree(local, balanced_tree=False, compact_nodes=False)
-    at = np.tile(samples, (pose.n_segments, 1))
-    at[:, 0] += apart * np.repeat(np.arange(pose.n_segments), len(samples))
-    distance, _ = tree.query(at, distance_upper_bound=radius)
-    return np.asarray(np.isfinite(distance).reshape(pose.n_segments, -1).mean(axis=1))
-
-
-def surface_samples(surface: Surface, length_m: float, spacing_m: float) -> Array:
-    """Return points [S][3] spread evenly over a segment's faces, at most some 500."""
-    around = int(np.clip(np.ceil(surface.perimeter_m / spacing_m), 8, 40))
-    along = int(np.clip(np.ceil(length_m / spacing_m), 2, 12))
-    at = (np.arange(around) + 0.5) / around * surface.widths_m.sum()
-    ends = np.cumsum(surface.widths_m)
-    edge = np.searchsorted(ends, at)
-    xy = surface.corners[edge] + (at - ends[edge] + surface.widths_m[edge])[:, None] * surface.tangents[edge]
+    n, around, along = counted.touched.shape
+    surface, length_m = problem.surface, problem.element.segment_length_m
+    xy = surface.at((np.arange(around) + 0.5) / around * surface.perimeter_m)
     z = (np.arange(along) + 0.5) / along * length_m
-    return np.column_stack([np.repeat(xy, along, axis=0), np.tile(z, around)])
+    centres = np.concatenate([np.repeat(xy, along, axis=0), np.tile(z, around)[:, None]], axis=1)
+    # Segments are laid far apart, so that one tree serves them all.
+    apart = 10.0 * (problem.element.length_m + surface.reach_m)
+    at = np.tile(centres, (n, 1))
+    at[:, 0] += apart * np.repeat(np.arange(n), len(centres))
+    covered = counted.touched.reshape(-1).copy()
+    if covered.any() and not covered.all():
+        tree = cKDTree(at[covered], balanced_tree=False, compact_nodes=False)
+        radius = COVERAGE_RADIUS * problem.element.length_m
+        distance, _ = tree.query(at[~covered], distance_upper_bound=radius)
+        covered[~covered] = np.isfinite(distance)
+    return np.asarray(covered.reshape(n, -1).mean(axis=1))
 
 
-def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: Mask, seed: int) -> float:
+def cloud_rmse(problem: Problem, pose: Pose, counted: Tally, pairs: Correspondences, used: Mask, seed: int) -> float:
     """Return the paper's RMSE: scan points to the nearest of a cloud sampled on the model.
 
     The model's cloud has as many points as were matched (at most 10,000), so the figure
@@ -98,11 +86,9 @@ def cloud_rmse(problem: Problem, pose: Pose, pairs: Correspondences, used: Mask,
     rows = np.flatnonzero(used)
     if not len(rows):
         return float("nan")
-    count = min(len(rows), 10_000)
-    surface, n = problem.surface, pose.n_segments
-    edge = rng.choice(len(surface.widths_m), count, p=surface.widths_m / surface.widths_m.sum())
-    xy = surface.corners[edge] + (rng.random(count) * surface.widths_m[edge])[:, None] * surface.tangents[edge]
-    segment = rng.integers(n, size=count)
+    count = min(int(counted.matched.sum()), 10_000)
+    segment = rng.integers(pose.n_segments, size=count)
+    xy = problem.surface.at(rng.random(count) * problem.surface.perimeter_m)
     model = np.column_stack([xy, rng.random(count) * problem.element.segment_length_m])
     model = np.einsum("pij,pj->pi", pose.rotations[segment], model) + pose.nodes_m[segment]
     some = rows if len(rows) <= 1000 else rng.choice(rows, 1000, replace=False)

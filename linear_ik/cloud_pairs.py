@@ -57,8 +57,7 @@ class ModelCloud:
         rng = np.random.default_rng(seed)
         n = len(segment_length_m)
         each = max(points // n, 1)
-        edge = rng.choice(len(surface.widths_m), n * each, p=surface.widths_m / surface.widths_m.sum())
-        xy = surface.corners[edge] + (rng.random(n * each) * surface.widths_m[edge])[:, None] * surface.tangents[edge]
+        xy = surface.at(rng.random(n * each) * surface.perimeter_m)
         self.segment = np.repeat(np.arange(n), each)
         self.local = np.column_stack([xy, rng.random(n * each) * segment_length_m[self.segment]])
 

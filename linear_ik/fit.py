@@ -13,8 +13,9 @@ from threadpoolctl import ThreadpoolController
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
-from linear_ik.descent import Descended, Log, Stage, descend
+from linear_ik.descent import Descended, Log, Stage, descend, other_terms
 from linear_ik.element import Element
+from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import Solver, make_solver
 from linear_ik.problem import Problem, sample, thinned
@@ -25,10 +26,12 @@ from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
 from linear_ik.startup import Startup
 from linear_ik.surface import Surface
 from linear_ik.tally import nearby
+from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
 
 Array = npt.NDArray[np.float64]
 
+SLID_M = 0.006
 ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
@@ -58,9 +61,14 @@ def fit(
         The as-built element. Read its status before its figures.
 
     Raises:
+        ElementError, ScanError: the arguments are something else.
         SettingsError: an unknown solver.
         StepError: the solver failed on a step.
     """
+    if not isinstance(scan, Scan):
+        raise ScanError("scan", f"a {type(scan).__name__}", "a Scan, such as Scan(points) or read_scan(path)")
+    if not isinstance(element, Element):
+        raise ElementError("element", f"a {type(element).__name__}", "an Element, such as load_element(path)")
     # Small matrices get ten times slower when BLAS spreads them over busy cores.
     with thread_pools().limit(limits=1):
         return _fit(element, scan, settings or FitSettings(), on_iteration)
@@ -169,15 +177,25 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     off_m = pose.node_jacobians() @ settled.still
     node_covariance += off_m[:, :, None] * off_m[:, None, :]
     pressed = pressed_limits(problem, settled.x, settled.objective, S)
-    segments = assess_segments(problem, pose, settled.tally, settled.pairs, settled.matched, settled.foreign)
+    segments = assess_segments(problem, settled.tally, settled.foreign)
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status == "not_scanned":
         return absent(problem, reasons, settings, log, clock)
     if settled.start_shift_m is not None:
         status = "uncertain" if status == "converged" else status
-        off_mm = 1e3 * float(np.linalg.norm(settled.start_shift_m))
+        reasons += ("the scan shows the start beside the place where it is held (start: free lets it move)",)
+    slide = settled.slide
+    if slide is not None and not problem.may_slide and abs(slide.shift_m) > max(SLID_M, 3.0 * slide.sd_m):
+        status = "uncertain" if status == "converged" else status
         reasons += (
-            f"the scan shows the start {off_mm:.0f} mm off the place where it is held (start: free lets it move)",
+            f"both ends of the scan lie {1e3 * slide.shift_m:+.0f} mm along the axis from where the start is held "
+            "(start: free lets it move)",
+        )
+    if settings.range_noise_m is not None and noise_m != settings.range_noise_m:
+        status = "uncertain" if status == "converged" else status
+        reasons += (
+            f"the points scatter {1e3 * noise_m:.1f} mm about the surface, "
+            f"where a range noise of {1e3 * settings.range_noise_m:g} mm was given",
         )
     if settled.foreign.any():
         reasons += (f"{listed(settled.foreign)}: the points there lie on something else than the designed surface",)
@@ -185,7 +203,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         if not settled.misfit.plausible:
             status = "uncertain" if status == "converged" else status
         reasons += (settled.misfit.sentence(Surface.of(problem.element.profile)),)
-    rmse_m = cloud_rmse(problem, pose, settled.pairs, settled.matched, settings.seed)
+    rmse_m = cloud_rmse(problem, pose, settled.tally, settled.pairs, settled.matched, settings.seed)
     clock.lap("assess")
     return in_scan_coordinates(
         problem,
@@ -207,8 +225,9 @@ def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, lo
     """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
     x = problem.straight
     pose = problem.chain.pose(x)
-    A = pose.node_jacobians()
-    node_covariance = np.einsum("kai,i,kbi->kab", A, problem.prior_sd**2, A)
+    nothing = Objective(np.zeros((len(x), len(x))), np.zeros(len(x)))
+    objective = other_terms(problem, x, pose, nothing, 1e-3, settings)
+    _, node_covariance = covariance(problem, pose, objective, 1e-3)
     unseen = SegmentResult("not_scanned", 0, 0.0, float("nan"))
     return in_scan_coordinates(
         problem,

@@ -21,8 +21,8 @@ class SegmentResult:
     """What the scan says of one segment.
 
     Attributes:
-        status: measured (points fix it), inferred (neighbours and priors fix it), or
-            not_scanned (no point on it).
+        status: measured (points fix it), inferred (something known on both sides of it,
+            a measured segment or a support, fixes it), or not_scanned.
         points: scan points matched to it.
         coverage: share of its outer surface with a matched point within 2 % of the
             element's length, 0 to 1.
@@ -41,14 +41,16 @@ class IterationRecord:
 
     Attributes:
         iteration: counted from 1 over the whole fit.
-        phase: what the iteration belonged to: coarse, search, repair, full.
+        phase: what the iteration belonged to: coarse, search, sample (settling on some of the
+            points), full (the step on all of them), or icpik.
         points: scan points matched.
-        surface_rmse_m: weighted rms distance of the matched points to the model.
+        surface_rmse_m: weighted rms distance of the matched points to the model, before
+            the step.
         scale_m: distance at which a match loses most of its weight; inf when unweighted.
         damping: damping of the step, relative to the mean information of a variable.
         step_rad: largest joint change of the step.
-        q: Pinocchio's configuration [3N], (z, y, x) a segment.
-        base_pose: T_world_base [4][4].
+        q: Pinocchio's configuration [3N] after the step, (z, y, x) a segment.
+        base_pose: T_world_base [4][4] after the step.
     """
 
     iteration: int

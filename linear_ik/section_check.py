@@ -78,7 +78,7 @@ def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m
     s[seen] = np.linalg.solve(left[np.ix_(seen, seen)], pull[seen])
     half = surface.size_m[:m] / 2
     error = np.zeros(m)
-    error[seen] = noise_m / np.sqrt(np.diag(left)[seen])
+    error[seen] = noise_m * np.sqrt(np.diag(np.linalg.inv(left[np.ix_(seen, seen)])))
     wrong = (np.abs(s) * half > LEAST_MISFIT_M) & (np.abs(s) > 6.0 * error)
     if not wrong.any():
         return None

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from numbers import Integral, Real
 from typing import Literal, NamedTuple, get_args
 
 from linear_ik.errors import SettingsError
@@ -64,12 +65,9 @@ class FitSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check every field, and fill in the method's own weights."""
+        """Check every field."""
         if self.method not in get_args(Method):
             raise SettingsError("method", f"{self.method!r}", "one of " + ", ".join(get_args(Method)))
-        for name, own in TERM_WEIGHTS[self.method]._asdict().items():
-            if getattr(self, name) is None:
-                object.__setattr__(self, name, own)
         for name, low, high in (
             ("damping", 0.0, 1e6),
             ("continuity", 0.0, 1e6),
@@ -80,13 +78,14 @@ class FitSettings:
             ("seed", 0, 2**63),
         ):
             value = getattr(self, name)
-            if value is None and name == "range_noise_m":
+            if value is None and name in ("damping", "continuity", "directional", "range_noise_m"):
                 continue
-            if isinstance(value, bool) or not isinstance(value, (int, float)) or not low <= value <= high:
+            if isinstance(value, bool) or not isinstance(value, Real) or not low <= float(value) <= high:
                 raise SettingsError(name, f"{value!r}", f"a number from {low:g} to {high:g}")
         for name in ("max_iterations", "seed"):
-            if not isinstance(getattr(self, name), int):
+            if not isinstance(getattr(self, name), Integral):
                 raise SettingsError(name, f"{getattr(self, name)!r}", "a whole number")
+            object.__setattr__(self, name, int(getattr(self, name)))
         if self.search not in get_args(Search):
             raise SettingsError("search", f"{self.search!r}", "one of " + ", ".join(get_args(Search)))
 

@@ -26,7 +26,7 @@ from linear_ik.descent import (
     record,
     step_objective,
 )
-from linear_ik.ends import anchored, shift_at_start, slide_of_ends
+from linear_ik.ends import Slide, anchored, shift_at_start, slide_of_ends
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
@@ -40,6 +40,7 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
+NOISE_MISGIVEN = 3.0
 EVIDENCE_ROUNDS = 12
 MOST_ROUNDS = 5
 MOST_ITERATIONS = 50
@@ -69,6 +70,7 @@ class Settled:
         still: [6 + 3N] the step that the points still ask for; a method that stops
             elsewhere is that far off.
         start_shift_m: [2] across the axis, where the points put a held start elsewhere.
+        slide: how far both ends of the points say it still has slid, where they agree.
     """
 
     problem: Problem
@@ -84,6 +86,7 @@ class Settled:
     converged: bool
     still: Array
     start_shift_m: Array | None
+    slide: Slide | None
 
 
 def settle(problem: Problem, found: Descended, some: Array, settings: FitSettings, solver: Solver, log: Log) -> Settled:
@@ -100,11 +103,11 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
     designed = problem.surface
     foreign = np.zeros(problem.element.segments, dtype=bool)
     misfit: SectionMisfit | None = None
-    noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
+    noise_m = noise_used(found, settings)
     found = _descend(problem, found.x, some, noise_m, 0.5 * noise_m, foreign, settings, solver, log)
     for _ in range(MOST_ROUNDS):
         changed = False
-        noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
+        noise_m = noise_used(found, settings)
         if misfit is None:
             misfit = section_misfit(designed, found.pairs, _matched(found, noise_m), noise_m)
             if misfit is not None and misfit.plausible:
@@ -124,8 +127,15 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
         found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, settings, solver, log)
         if not changed:
             break
-    noise_m = settings.range_noise_m or noise_of(found.pairs, found.weights)
+    noise_m = noise_used(found, settings)
     return last_step(count(problem, found, noise_m, foreign, misfit, settings), settings, solver, log)
+
+
+def noise_used(found: Descended, settings: FitSettings) -> float:
+    """Return the noise that was given, or where points scatter three times as much what they show."""
+    shown_m = noise_of(found.pairs, found.weights)
+    given_m = settings.range_noise_m
+    return shown_m if given_m is None or shown_m > NOISE_MISGIVEN * given_m else given_m
 
 
 def count(
@@ -156,6 +166,7 @@ def count(
         found.converged,
         still,
         shift_at_start(problem, counted.objective, others, noise_m),
+        slide_of_ends(problem, found.pairs, noise_m),
     )
 
 
@@ -267,7 +278,7 @@ def foreign_segments(problem: Problem, found: Descended, ignored: Mask) -> Mask:
     bends = np.linalg.norm(x.reshape(-1, 3)[:, 1:], axis=1)
     if problem.chain.upper[3] > 0:
         bends[0] = 0.0  # the first joint shares the base's rotation
-    at_limit = np.asarray((x <= lower) | (x >= upper)).reshape(-1, 3).any(axis=1)
+    at_limit: Mask = np.any(((x <= lower) | (x >= upper)).reshape(-1, 3), axis=1)
     worst, limited = bends.copy(), at_limit.copy()
     worst[:-1] = np.maximum(worst[:-1], bends[1:])
     limited[:-1] |= at_limit[1:]

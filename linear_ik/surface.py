@@ -81,6 +81,27 @@ class Surface:
         """Distance from the axis to the farthest corner."""
         return float(np.linalg.norm(self.corners, axis=1).max())
 
+    def at(self, s: Array) -> Array:
+        """Return the points [P][2] at lengths ``s`` [P] along the outline, from its first corner.
+
+        On a round section they lie on the circle, not on the chords.
+        """
+        ends = np.cumsum(self.widths_m)
+        s = s * (ends[-1] / self.perimeter_m)
+        edge = np.minimum(np.searchsorted(ends, s, side="right"), len(ends) - 1)
+        xy = self.corners[edge] + (s - ends[edge] + self.widths_m[edge])[:, None] * self.tangents[edge]
+        if self.radius_m is not None:
+            xy *= (self.radius_m / np.linalg.norm(xy, axis=1))[:, None]
+        return np.asarray(xy)
+
+    def length_along(self, xy: Array, edge: Index) -> Array:
+        """Return the length along the outline [P] of the feet of points [P][2] on their face [P]."""
+        if self.radius_m is not None:
+            return np.asarray(np.mod(np.arctan2(xy[:, 1], xy[:, 0]), 2 * np.pi) * self.radius_m)
+        along = np.einsum("ij,ij->i", self.tangents[edge], xy - self.corners[edge])
+        starts = np.cumsum(self.widths_m) - self.widths_m
+        return np.asarray(starts[edge] + np.clip(along, 0.0, self.widths_m[edge]))
+
     def mesh(self, length_m: float) -> tuple[Array, npt.NDArray[np.uint32]]:
         """Return vertices [2E][3] and triangles [2E][3] of the open tube.
 

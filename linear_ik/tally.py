@@ -23,6 +23,7 @@ Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
 POINTS_A_PIECE = 100_000
+COVERAGE_RADIUS = 0.02  # of the element's length (the design contract)
 MATCHED = 4.0  # deviations of the noise
 BESIDE = 16.0  # deviations; four times as far as a match
 
@@ -39,6 +40,7 @@ class Tally:
         weighted: points with a weight.
         cost_m2: weighted sum of squared residuals.
         weight: sum of the weights.
+        touched: [N][around][along] cells of each segment's surface that hold a matched point.
     """
 
     objective: Objective
@@ -48,6 +50,7 @@ class Tally:
     weighted: int
     cost_m2: float
     weight: float
+    touched: Mask
 
     @property
     def weighted_rms_m(self) -> float:
@@ -74,6 +77,7 @@ def tally(problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored:
     objective = Objective(np.zeros((len(columns), len(columns))), np.zeros(len(columns)))
     matched, beside, squares = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n)
     weighted, cost, weight = 0, 0.0, 0.0
+    touched = np.zeros((n, *cells(problem)), dtype=bool)
     for start in range(0, len(problem.points), POINTS_A_PIECE):
         piece = Stage("full", problem.points[start : start + POINTS_A_PIECE], (scale_m,), ignored=ignored)
         pairs, weights, _ = on_surface(problem, pose, piece, 0)
@@ -84,10 +88,29 @@ def tally(problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored:
         matched += np.bincount(segment[on], minlength=n)
         beside += np.bincount(segment[near & ~on], minlength=n)
         squares += np.bincount(segment[on], pairs.residual_m[on] ** 2, minlength=n)
+        _touch(touched, problem, segment[on], pairs.local[on], pairs.face[on])
         weighted += int(np.count_nonzero(weights))
         cost += float(weights @ pairs.residual_m**2)
         weight += float(weights.sum())
-    return Tally(objective, matched, beside, squares, weighted, cost, weight)
+    return Tally(objective, matched, beside, squares, weighted, cost, weight, touched)
+
+
+def cells(problem: Problem) -> tuple[int, int]:
+    """Return into how many cells around and along a segment's surface is divided.
+
+    A cell is a quarter of the radius in which a point covers the surface.
+    """
+    cell_m = COVERAGE_RADIUS * problem.element.length_m / 4
+    around = int(np.clip(np.ceil(problem.surface.perimeter_m / cell_m), 4, 1000))
+    return around, int(np.ceil(problem.element.segment_length_m / cell_m))
+
+
+def _touch(touched: Mask, problem: Problem, segment: Index, local: Array, face: Index) -> None:
+    _, around, along = touched.shape
+    s = problem.surface.length_along(local[:, :2], face) / problem.surface.perimeter_m * around
+    z = local[:, 2] / problem.element.segment_length_m * along
+    row = np.clip(s.astype(np.intp), 0, around - 1)
+    touched[segment, row, np.clip(z.astype(np.intp), 0, along - 1)] = True
 
 
 def nearby(problem: Problem, pose: Pose, reach_m: float) -> Array:

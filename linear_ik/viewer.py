@@ -52,7 +52,7 @@ class Viewer:
         self._origin: Array | None = None
         self._element: Element | None = None
         self._chain: Chain | None = None
-        self._fitted = 0
+        self._fitted: Element | None = None
         self._pause_s = 0.0
         self._pause_left_s = 0.0
         self._vis["/Background"].set_property("top_color", [0.45, 0.50, 0.56])
@@ -115,12 +115,12 @@ class Viewer:
         if self._origin is None:
             nodes = self._chain.nodes(q) @ np.asarray(base_pose)[:3, :3].T + np.asarray(base_pose)[:3, 3]
             self._look_at(nodes[0], nodes[-1], np.asarray(base_pose)[:3, :2].sum(axis=1))
-        if self._fitted != element.segments:
+        if self._fitted is not element:
             self._vis["fitted"].delete()
             body, material = _mesh(element, element.segment_length_m), _material(FITTED, opacity=0.5)
             for k in range(element.segments):
                 self._vis[f"fitted/{k + 1}"].set_object(body, material)
-            self._fitted = element.segments
+            self._fitted = element
             self._caption("#35b24a", "fitted")
         for k, T in enumerate(self._poses(q, base_pose)):
             self._vis[f"fitted/{k + 1}"].set_transform(T)

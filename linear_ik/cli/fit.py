@@ -71,6 +71,10 @@ def fit(
     to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None
+    if urdf is not None:
+        from linear_ik.exports.fitted_urdf import joints_path
+
+        check_output(joints_path(urdf), inputs, [output, urdf, *([glb] if glb else [])])
     glb_target = check_output(glb, inputs, [output, *([urdf] if urdf else [])]) if glb else None
 
     from linear_ik.errors import SettingsError

@@ -16,6 +16,11 @@ from linear_ik.urdf import joint_names, write_urdf
 SCHEMA = "linear_ik/joints/1"
 
 
+def joints_path(urdf: Path) -> Path:
+    """Return the file of the joint values that belongs to a URDF file."""
+    return urdf.with_name(f"{urdf.stem}_joints.json")
+
+
 def write_fitted_urdf(
     element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path: str | os.PathLike[str]
 ) -> list[Path]:
@@ -39,7 +44,7 @@ def write_fitted_urdf(
     """
     angles, pose = check_posed(element, q, base_pose)
     target = Path(path)
-    joints = check_writable(target.with_name(f"{target.stem}_joints.json"))
+    joints = check_writable(joints_path(target))
     values = [float(angle) for angle in angles]
     content = {
         "schema": SCHEMA,
