@@ -5,6 +5,7 @@ from __future__ import annotations
 import dataclasses
 import math
 
+import numpy as np
 import pytest
 
 from linear_ik.errors import SettingsError
@@ -50,20 +51,26 @@ def test_settings_are_values() -> None:
         ("method", "icpik"),
         ("seed", 0),
         ("seed", 2**63),
+        ("seed", np.int64(7)),
+        ("max_iterations", np.int32(50)),
+        ("range_noise_m", np.float64(0.003)),
     ],
 )
 def test_what_is_taken(name: str, value: object) -> None:
     assert getattr(FitSettings(**{name: value}), name) == value  # type: ignore[arg-type]
 
 
-@pytest.mark.parametrize("value", [math.nan, math.inf, -math.inf, -1, "1", [1], {}, True, 1e300])
+NO_NUMBERS = [math.nan, math.inf, -math.inf, -1, "1", [1], {}, True, 1e300]
+
+
+@pytest.mark.parametrize("value", NO_NUMBERS, ids=lambda v: repr(v)[:6])
 @pytest.mark.parametrize(
     "name", ["max_iterations", "range_noise_m", "damping", "continuity", "directional", "max_step_rad", "seed"]
 )
 def test_what_is_no_such_number_is_refused_by_name(name: str, value: object) -> None:
     with pytest.raises(SettingsError) as raised:
         FitSettings(**{name: value})  # type: ignore[arg-type]
-    assert raised.value.subject == name and repr(value) in raised.value.what
+    assert raised.value.subject == name and repr(value)[:20] in raised.value.what
     assert raised.value.expected and "\n" not in str(raised.value)
 
 
