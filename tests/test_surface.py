@@ -134,6 +134,39 @@ def test_a_point_on_the_axis_of_a_pipe_has_a_finite_gradient() -> None:
     assert distance[0] == -0.1 and np.isfinite(gradient).all()
 
 
+# along the outline ----------------------------------------------------------------------
+
+
+@each(EVERY)
+def test_lengths_along_the_outline_lead_to_points_on_it_and_back(profile: Profile) -> None:
+    surface = Surface.of(profile)
+    s = np.random.default_rng(6).uniform(0, surface.perimeter_m, 1000)
+    xy = surface.at(s)
+    assert surface.distances(xy).max() < 1e-14
+    edge = edge_distances(surface, xy).argmin(axis=1)
+    # Points of a circle are counted by chords.
+    allowed = 1e-13 if profile.radius_m is None else 1e-4 * profile.radius_m
+    np.testing.assert_allclose(surface.length_along(xy, edge), s, rtol=0, atol=allowed)
+    np.testing.assert_allclose(surface.at(np.zeros(1))[0], surface.corners[0], rtol=0, atol=1e-15)
+
+
+@each(EDGED)
+def test_lengths_are_those_of_geos(profile: Profile) -> None:
+    surface = Surface.of(profile)
+    xy = points_around(surface, 500, seed=7)
+    edge = edge_distances(surface, xy).argmin(axis=1)
+    closed = shapely.LineString([*surface.corners, surface.corners[0]])
+    theirs = shapely.line_locate_point(closed, shapely.points(xy))
+    around = np.abs(surface.length_along(xy, edge) - theirs)
+    np.testing.assert_allclose(np.minimum(around, surface.perimeter_m - around), 0, rtol=0, atol=1e-12)
+
+
+def test_a_point_beyond_a_corner_is_at_the_corner() -> None:
+    surface = Surface.of(Rectangle(0.1, 0.3))
+    assert surface.length_along(np.array([[0.2, -0.4]]), np.array([0])).tolist() == pytest.approx([0.1])
+    assert surface.length_along(np.array([[-0.2, -0.4]]), np.array([0])).tolist() == [0.0]
+
+
 # what others make of it -----------------------------------------------------------------
 
 
