@@ -53,7 +53,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "range_noise_m": _plain(result.range_noise_m),
         "segments": [_plain(asdict(segment)) for segment in result.segments],
         "history": [{f.name: _plain(getattr(record, f.name)) for f in fields(record)} for record in result.history],
-        "settings": _plain({**asdict(result.settings), **result.settings.weights._asdict()}),
+        "settings": _plain(asdict(result.settings)),
         "timings_s": _plain(dict(result.timings_s)),
         "versions": versions(),
     }
