@@ -53,7 +53,9 @@ def element_of(name: str) -> Element:
         return _between(name, Circle(0.0891), (0.5885, -3.2545, 0.50), (0.5942, -3.2524, 1.30))
     design = json.loads((DATA / "timber_design.json").read_text(encoding="utf-8"))[name]
     width, height = np.array(design["section_mm"]) / 1000
-    return _between(name, Rectangle(width, height), design["axis_start_m"], design["axis_end_m"], x=design["width_direction"])
+    return _between(
+        name, Rectangle(width, height), design["axis_start_m"], design["axis_end_m"], x=design["width_direction"]
+    )
 
 
 def _between(name: str, profile: Profile, start, end, x=None, y=None) -> Element:
