@@ -23,6 +23,8 @@ from typing import Any, Literal
 
 from benchlib.timing import say
 
+Better = Literal["lower", "higher"]
+
 BASELINE = Path(__file__).parent.parent.parent / "benchmarks" / "baseline.json"
 
 
@@ -41,7 +43,7 @@ class Metric:
     name: str
     value: float
     noise: float
-    better: Literal["lower", "higher"] = "lower"
+    better: Better = "lower"
     target: float | None = None
 
 
