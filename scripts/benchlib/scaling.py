@@ -227,8 +227,8 @@ NOTES = (
     "Time: the fastest call of all rounds, after one fit of 1,000 points. Memory: the most that the process held, the "
     "points included, above what it held after its imports and that fit; beside the bytes of the points as 64-bit "
     "floats.",
-    "Stages: as many fits again with every function of the package wrapped, by module; a stage's time is its own. Rest: "
-    "what is in no stage, such as the copy of the points and the loop itself.",
+    "Stages: as many fits again with every function of the package wrapped, by module; a stage's time is its own. Rest "
+    "is what is in no stage, such as the copy of the points and the loop itself.",
 )
 
 
