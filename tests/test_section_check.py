@@ -171,6 +171,12 @@ def test_one_side_of_an_h_shows_both_its_flanges() -> None:
     assert change_m(check(designed, built, missing=["+x", "+y"]), designed)[1] == pytest.approx(0.003, abs=0.0003)
 
 
+def test_thicker_legs_are_not_taken_for_a_wider_angle() -> None:
+    # Of an L's width only the thin end of a leg tells: too little to tell it from the rest.
+    designed, thicker = LShape(0.15, 0.1, 0.012), LShape(0.15, 0.1, 0.013)
+    assert [check(designed, thicker, seed) for seed in range(3)] == [None] * 3
+
+
 def test_another_section_altogether_is_not_plausible() -> None:
     beam = Rectangle(0.1, 0.3)
     misfit = check(beam, Rectangle(0.108, 0.3), noise_m=0.002)
