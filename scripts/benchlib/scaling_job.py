@@ -22,18 +22,18 @@ def work(job: dict[str, Any]) -> dict[str, Any]:
     return jobs[job.pop("do")](**job)
 
 
-def cloud(path: str, points: int, segments: int, seed: int) -> dict[str, Any]:
+def cloud(path: str, points: int, segments: int, length_m: float, seed: int) -> dict[str, Any]:
     """Simulate a cloud and keep it: the process that fits it must not have held more than it needs."""
-    made = task(points, seed, segments)
+    made = task(points, seed, segments, length_m)
     np.save(path, made.points)
     return {"nodes_m": made.nodes_m.tolist()}
 
 
-def measure(path: str, segments: int, nodes_m: list[list[float]], budget_s: float) -> dict[str, Any]:
+def measure(path: str, segments: int, length_m: float, nodes_m: list[list[float]], budget_s: float) -> dict[str, Any]:
     """Return time, memory, errors and stages of the fit of a cloud."""
     warm = task(WARM_POINTS, WARM_SEED)
     fit(warm.element, Scan(warm.points))
-    element = task(2 * segments, WARM_SEED, segments).element
+    element = task(2 * segments, WARM_SEED, segments, length_m).element
     gc.collect()
     reset_peak()
     bare = resident_bytes()

@@ -20,6 +20,8 @@ from typing import Any, TypeVar
 Result = TypeVar("Result")
 
 PEAK, NOW = "VmHWM:", "VmRSS:"
+# Pools of BLAS threads on cores that others use too spin against each other, to the loss of whoever has them.
+ONE_BLAS_THREAD = {"OPENBLAS_NUM_THREADS": "1", "MKL_NUM_THREADS": "1", "VECLIB_MAXIMUM_THREADS": "1"}
 
 
 # Memory -----------------------------------------------------------------------------------
@@ -114,7 +116,7 @@ def run_job(module: str, job: dict[str, Any], timeout_s: float) -> dict[str, Any
     """Run ``python -m module`` on a job, in a process of its own, and return what it answers.
 
     The process reads the job from a JSON file and writes its answer to another (`serve`):
-    what libraries print cannot get in the way.
+    what libraries print cannot get in the way. BLAS gets one thread, other pools theirs.
 
     Raises:
         JobError: it failed, crashed or took too long.
@@ -126,7 +128,13 @@ def run_job(module: str, job: dict[str, Any], timeout_s: float) -> dict[str, Any
         with said.open("w") as file:
             try:
                 done = subprocess.run(
-                    command, stdout=file, stderr=subprocess.STDOUT, stdin=subprocess.DEVNULL, timeout=timeout_s
+                    command,
+                    stdout=file,
+                    stderr=subprocess.STDOUT,
+                    stdin=subprocess.DEVNULL,
+                    env=os.environ | ONE_BLAS_THREAD,
+                    timeout=timeout_s,
+                    check=False,
                 )
             except subprocess.TimeoutExpired:
                 raise JobError(f"no answer within {timeout_s:g} s") from None

@@ -126,7 +126,8 @@ def pink_frames() -> Solve:
         return FrameTask(frame, position_cost=[1.0, 1.0, 0.0], orientation_cost=0.1)
 
     def update(task: Any, configuration: Any, M: Array, m: Array) -> None:  # noqa: N803
-        ridge = LM_DAMPING * np.trace(M) / 6.0
+        # A segment without points stays where it is.
+        ridge = LM_DAMPING * max(np.trace(M), 1e-12) / 6.0
         twist = np.linalg.solve(M + ridge * np.eye(6), m)
         task.set_target(configuration.get_transform_frame_to_world(task.frame) * pin.exp6(twist))
 

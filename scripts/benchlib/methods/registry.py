@@ -27,6 +27,7 @@ class Method:
         install: what `pip install` is given to get it.
         arguments: of the function.
         peer: whether it is somebody else's, and counts when peers are compared with ours.
+        lazy: whether its first call imports, so that it must be called once before it is timed.
     """
 
     name: str
@@ -37,6 +38,7 @@ class Method:
     install: tuple[str, ...] = field(default=())
     arguments: tuple[str, ...] = ()
     peer: bool = True
+    lazy: bool = True
 
     def load(self) -> Callable[..., Any]:
         """Import what the method needs, and return what it makes."""
@@ -56,7 +58,8 @@ class Method:
 
 
 def _peer(name: str, title: str, function: str, about: str, package: str | None = None, *install: str) -> Method:
-    return Method(name, title, function, about, package, install or ((package,) if package else ()))
+    install = install or ((package,) if package else ())
+    return Method(name, title, function, about, package, install, lazy=not function.startswith("nonrigid:"))
 
 
 def _solver(name: str, package: str | None) -> Method:
