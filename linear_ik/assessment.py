@@ -124,7 +124,7 @@ def judge(
             f"the element is not in the scan: {near} points near it make up no surface of its section",
         )
     reasons = []
-    for kind, words in (("not_scanned", "not scanned"), ("inferred", "inferred from their neighbours only")):
+    for kind, words in (("not_scanned", "not scanned"), ("inferred", "inferred from the neighbours only")):
         which = [k + 1 for k, s in enumerate(segments) if s.status == kind]
         if which:
             reasons.append(f"{_segments(which)} {words}")

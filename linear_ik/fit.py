@@ -14,6 +14,7 @@ from threadpoolctl import ThreadpoolController
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
 from linear_ik.descent import Descended, Log, Stage, descend, other_terms
+from linear_ik.doubts import doubts, quadrants
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
@@ -32,6 +33,7 @@ from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_lim
 Array = npt.NDArray[np.float64]
 
 SLID_M = 0.006
+PLAIN_NOISE_M = 0.006
 ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
@@ -135,7 +137,7 @@ def believable(problem: Problem, found: Descended) -> bool:
     four sides: with a side missing, the opposite face explains the points as well.
     """
     noise_m = noise_of(found.pairs)
-    if noise_m > 0.006:
+    if noise_m > PLAIN_NOISE_M:
         return False
     n = problem.element.segments
     segment = found.pairs.segment
@@ -148,12 +150,6 @@ def believable(problem: Problem, found: Descended) -> bool:
     share = np.bincount(quadrants(problem.surface.normals), problem.surface.widths_m, minlength=4)
     expected = share / share.sum() * count[:, None]
     return bool((seen >= np.minimum(0.25 * expected, expected - 3.0 * np.sqrt(expected))).all())
-
-
-def quadrants(directions: Array) -> npt.NDArray[np.intp]:
-    """Return which side, +x, +y, -x or -y (0 to 3), each direction [P][2] points to."""
-    x, y = directions.T
-    return np.where(np.abs(x) >= np.abs(y), np.where(x > 0, 0, 2), np.where(y > 0, 1, 3)).astype(np.intp)
 
 
 def searched(
@@ -197,6 +193,10 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
             f"the points scatter {1e3 * noise_m:.1f} mm about the surface, "
             f"where a range noise of {1e3 * settings.range_noise_m:g} mm was given",
         )
+    doubted = doubts(problem.surface, settled.pairs, settled.matched, noise_m)
+    if doubted:
+        status = "uncertain" if status == "converged" else status
+        reasons += doubted
     if settled.foreign.any():
         reasons += (f"{listed(settled.foreign)}: the points there lie on something else than the designed surface",)
     if settled.misfit is not None:

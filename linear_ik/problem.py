@@ -89,6 +89,12 @@ class Problem:
         """Return the problem with the slide along the axis free to move."""
         return replace(self, variables=np.union1d(self.variables, [AXIAL]))
 
+    def held(self) -> Problem:
+        """Return the problem with the slide along the axis held, unless an end holds it already."""
+        if self.element.end in ("pinned", "fixed"):
+            return self
+        return replace(self, variables=np.setdiff1d(self.variables, [AXIAL]))
+
     def expecting(self, prior_sd: Array, prior_mean: Array | None = None) -> Problem:
         """Return the problem under another prior: deviations and, where given, means [6 + 3N]."""
         return replace(self, prior_sd=prior_sd, prior_mean=self.prior_mean if prior_mean is None else prior_mean)

@@ -113,9 +113,6 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
             if misfit is not None and misfit.plausible:
                 problem = problem.measuring(designed.scaled(misfit.scale))
                 changed = True
-        if not changed:
-            worse = foreign | foreign_segments(problem, found, foreign)
-            changed, foreign = bool((worse != foreign).any()), worse
         objective = step_objective(problem, found.x, found.pose, found.pairs, found.weights, noise_m, settings)
         problem = problem.expecting(evidence(problem, found.x, objective, noise_m))
         if not changed and problem.may_slide and AXIAL not in problem.variables:
@@ -124,6 +121,12 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
                 problem, changed = anchored(problem, found.x, slide), True
             elif slide_seen(problem, found, objective, noise_m):
                 problem, changed = problem.released(), True
+        if not changed:
+            worse = foreign | foreign_segments(problem, found, foreign)
+            changed, foreign = bool((worse != foreign).any()), worse
+            if changed and problem.prior_mean[AXIAL] == 0.0:
+                # What told the slide may have been the foreign segments.
+                problem = problem.held()
         found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, settings, solver, log)
         if not changed:
             break

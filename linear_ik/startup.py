@@ -11,6 +11,7 @@ from __future__ import annotations
 
 from collections.abc import Iterator
 from dataclasses import dataclass
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
@@ -72,7 +73,10 @@ class Startup:
             children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
             beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
         x = max((self.finish(h.x) for h in beam), key=self.score)
-        return repair(self.problem, x, self.around(x), self.field, self.tau_m, self.finish, self.score)
+        # The two sides of a thin plate are told apart by a score no wider than the noise asks for.
+        sharp_m = float(np.clip(2.5 * self.noise_m, LEAST_TAU_M / 2, self.tau_m))
+        sharply = partial(self.score, tau_m=sharp_m)
+        return repair(self.problem, x, self.around(x), self.field, sharp_m, self.finish, sharply)
 
     def extend(self, parent: Hypothesis, k: int, alone: bool) -> list[Hypothesis]:
         """Return the ways to add segment k (from 0) to a hypothesis."""
@@ -223,14 +227,14 @@ class Startup:
             near |= np.einsum("ij,ij->i", offset, offset) < (self.problem.surface.reach_m + NEAR_M) ** 2
         return np.asarray(self.points[near])
 
-    def score(self, x: Array, k: int | None = None) -> float:
+    def score(self, x: Array, k: int | None = None, tau_m: float | None = None) -> float:
         """Return the points explained, each between 0 and 1, less the cost of the bends."""
         grown = None if k is None else k + 1
         points = self.around(x, grown)
         if not len(points):
             return -self.bend_cost(x)
         pairs = self.problem.matcher.match(self.problem.chain.pose(x), points, grown)
-        return explained(pairs.distance_m, self.tau_m) - self.bend_cost(x)
+        return explained(pairs.distance_m, tau_m or self.tau_m) - self.bend_cost(x)
 
     def bend_cost(self, x: Array) -> float:
         """Return what the bends cost under the prior: minus the logarithm of their probability."""

@@ -1,0 +1,87 @@
+"""Doubts: what in the points around a fitted element says that it may be something else."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.correspondence import Correspondences
+from linear_ik.surface import Surface
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+ONE_SIDE = 0.95  # share of the points
+PARALLEL_REACH = 0.3  # of the section's size
+LEAST_SHARE = 0.3  # of the points of the side opposite
+
+
+def quadrants(directions: Array) -> npt.NDArray[np.intp]:
+    """Return which side, +x, +y, -x or -y (0 to 3), each direction [P][2] points to."""
+    x, y = directions.T
+    return np.where(np.abs(x) >= np.abs(y), np.where(x > 0, 0, 2), np.where(y > 0, 1, 3)).astype(np.intp)
+
+
+def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> tuple[str, ...]:
+    """Return sentences on what a sample of the points puts in doubt.
+
+    One flat side seen alone cannot be told from a wall. A surface parallel to a side
+    that is not seen, within 30 % of the section's size of it, may be that side of
+    another section.
+
+    Args:
+        surface: the section the points were matched to.
+        pairs: matches of the sample.
+        matched: [P] which of them lie on the surface.
+        noise_m: standard deviation of a point.
+    """
+    if surface.radius_m is not None:
+        return ()
+    side = quadrants(pairs.gradient)
+    count = np.bincount(side[matched], minlength=4)
+    if not count.sum():
+        return ()
+    out = []
+    if count.max() >= ONE_SIDE * count.sum():
+        out.append(
+            f"only the {SIDES[int(count.argmax())]} side is seen: along it the position is not known, "
+            "and it may be a wall or a floor"
+        )
+    low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
+    size = high - low
+    for q, name in enumerate(SIDES):
+        axis, opposite = q % 2, (q + 2) % 4
+        if count[opposite] < 60 or count[q] > 0.1 * count[opposite]:
+            continue
+        offset_m = _parallel(surface, pairs, axis, 1.0 if q < 2 else -1.0, noise_m, int(LEAST_SHARE * count[opposite]))
+        if offset_m is not None:
+            where = "outside" if offset_m > 0 else "inside"
+            out.append(
+                f"no point lies on the {name} side, but a surface runs along it {abs(offset_m) * 1e3:.0f} mm {where}: "
+                f"another section than {size[0] * 1e3:.0f} x {size[1] * 1e3:.0f} mm, or a neighbour"
+            )
+    return tuple(out)
+
+
+SIDES = ("+x", "+y", "-x", "-y")
+
+
+def _parallel(
+    surface: Surface, pairs: Correspondences, axis: int, sign: float, noise_m: float, least: int
+) -> float | None:
+    """Return how far outside a side of the bounding box its parallel surface lies, or None."""
+    low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
+    face = high[axis] if sign > 0 else -low[axis]
+    across = 1 - axis
+    local = pairs.local[:, :2]
+    beside = (local[:, across] > low[across] - 0.02) & (local[:, across] < high[across] + 0.02)
+    offset = sign * local[beside, axis] - face
+    reach = PARALLEL_REACH * (high[axis] - low[axis])
+    offset = offset[(np.abs(offset) < reach) & (np.abs(offset) > 4.0 * noise_m)]
+    if len(offset) < max(least, 30):
+        return None
+    # The densest band as wide as a surface's scatter.
+    offset = np.sort(offset)
+    band = np.searchsorted(offset, offset + 6.0 * noise_m) - np.arange(len(offset))
+    best = int(band.argmax())
+    return float(np.median(offset[best : best + band[best]])) if band[best] >= max(least, 30) else None
