@@ -10,6 +10,7 @@ from linear_ik.correspondence import Correspondences
 from linear_ik.problem import Problem
 from linear_ik.result import SegmentResult, SegmentStatus, Status
 from linear_ik.tally import COVERAGE_RADIUS, Tally
+from linear_ik.uncertainty import LARGEST_NOISE_M
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -118,7 +119,7 @@ def judge(
     """
     n = len(segments)
     measured = [s.status == "measured" for s in segments]
-    if sum(measured) < max(1.0, LEAST_SCANNED * n):
+    if sum(measured) < max(1.0, LEAST_SCANNED * n) or noise_m >= LARGEST_NOISE_M:
         near = int(sum(s.points for s in segments))
         return "not_scanned", (
             f"the element is not in the scan: {near} points near it make up no surface of its section",

@@ -50,10 +50,15 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
     size = high - low
     for q, name in enumerate(SIDES):
-        axis, opposite = q % 2, (q + 2) % 4
-        if count[opposite] < 60 or count[q] > 0.1 * count[opposite]:
+        axis, sign = q % 2, 1.0 if q < 2 else -1.0
+        outermost = [
+            int(np.count_nonzero(np.abs(pairs.local[matched, axis] - edge[axis]) < 4.0 * noise_m))
+            for edge in (high, low)
+        ]
+        own, opposite = outermost if sign > 0 else outermost[::-1]
+        if opposite < 60 or own > 0.1 * opposite:
             continue
-        offset_m = _parallel(surface, pairs, axis, 1.0 if q < 2 else -1.0, noise_m, int(LEAST_SHARE * count[opposite]))
+        offset_m = _parallel(surface, pairs.local[~matched, :2], axis, sign, noise_m, int(LEAST_SHARE * opposite))
         if offset_m is not None:
             where = "outside" if offset_m > 0 else "inside"
             out.append(
@@ -66,14 +71,11 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
 SIDES = ("+x", "+y", "-x", "-y")
 
 
-def _parallel(
-    surface: Surface, pairs: Correspondences, axis: int, sign: float, noise_m: float, least: int
-) -> float | None:
-    """Return how far outside a side of the bounding box its parallel surface lies, or None."""
+def _parallel(surface: Surface, local: Array, axis: int, sign: float, noise_m: float, least: int) -> float | None:
+    """Return how far outside a side of the bounding box points [P][2] make up a parallel surface, or None."""
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
     face = high[axis] if sign > 0 else -low[axis]
     across = 1 - axis
-    local = pairs.local[:, :2]
     beside = (local[:, across] > low[across] - 0.02) & (local[:, across] < high[across] + 0.02)
     offset = sign * local[beside, axis] - face
     reach = PARALLEL_REACH * (high[axis] - low[axis])

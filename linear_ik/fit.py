@@ -198,7 +198,10 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         status = "uncertain" if status == "converged" else status
         reasons += doubted
     if settled.foreign.any():
-        reasons += (f"{listed(settled.foreign)}: the points there lie on something else than the designed surface",)
+        elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
+        reasons += (
+            f"{listed(settled.foreign)}: the points there lie on something else than the designed surface{elsewhere}",
+        )
     if settled.misfit is not None:
         if not settled.misfit.plausible:
             status = "uncertain" if status == "converged" else status

@@ -119,7 +119,7 @@ def stay(viewer: Viewer, wait: bool) -> None:
     try:
         if wait:
             print("Press Enter to end.", file=sys.stderr, flush=True)
-            sys.stdin.readline()
+            sys.stdin.readline(4096)
     except KeyboardInterrupt:
         pass
     finally:
