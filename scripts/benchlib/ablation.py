@@ -97,7 +97,7 @@ def groups(quick: bool) -> list[Group]:
 def main(arguments: list[str] | None = None) -> int:
     """Run what is not in the cache yet, and write one table a group."""
     parser = argparse.ArgumentParser(prog="bench_ablation", description=__doc__.split("\n\n")[0])
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "build" / "bench" / "ablation", help="folder")
+    parser.add_argument("-o", "--out", type=Path, default=ROOT / "bench_output" / "ablation", help="folder")
     parser.add_argument("--quick", action="store_true", help="three variants a group, one scene, one seed")
     parser.add_argument("--docs", action="store_true", help="renew the tables in docs/method.md too")
     parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1), help="processes")
@@ -110,7 +110,7 @@ def main(arguments: list[str] | None = None) -> int:
         for v in g.variants
         for p in g.places
     }
-    found = run_all(list(cells.values()), options.output / "cache", options.workers, CODE)
+    found = run_all(list(cells.values()), options.out / "cache", options.workers, CODE)
     written: list[Path] = []
     for group in compared:
         outcomes = {
@@ -122,9 +122,9 @@ def main(arguments: list[str] | None = None) -> int:
             f"{group.title}: median over {group.seeds} seeds of the nodes' rms error in mm, and how many seeds had "
             "every node within 1 mm (or 3 x the bound). Iterations and time are medians over the scenes."
         )
-        written += write_table(options.output / group.name, rows, [note], brief, points=points)
+        written += write_table(options.out / group.name, rows, [note], brief, points=points)
         if options.docs:
-            text = (options.output / f"{group.name}.md").read_text(encoding="utf-8")
+            text = (options.out / f"{group.name}.md").read_text(encoding="utf-8")
             fill_in(ROOT / "docs" / "method.md", f"bench_ablation {group.name}", text)
     print("\n".join(str(path) for path in written))
     return 0

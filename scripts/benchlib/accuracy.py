@@ -62,7 +62,7 @@ QUICK = Plan(("1b", "4c"), {"default": 3, "icpik": 1}, {"default": 1, "icpik": 1
 def main(arguments: list[str] | None = None) -> int:
     """Run what is not in the cache yet, and write tables and pictures."""
     parser = argparse.ArgumentParser(prog="bench_accuracy", description=__doc__.split("\n\n")[0])
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "build" / "bench" / "accuracy", help="folder")
+    parser.add_argument("-o", "--out", type=Path, default=ROOT / "bench_output" / "accuracy", help="folder")
     parser.add_argument("--quick", action="store_true", help="two cases, one small map, few seeds")
     parser.add_argument("--docs", action="store_true", help="renew docs/figures and the tables in docs/method.md too")
     parser.add_argument("--workers", type=int, default=min(2, os.cpu_count() or 1), help="processes")
@@ -83,25 +83,25 @@ def main(arguments: list[str] | None = None) -> int:
         for method in METHODS
         if m.scene(i, j).possible
     }
-    found = run_all([*case_cells.values(), *map_cells.values()], options.output / "cache", options.workers)
+    found = run_all([*case_cells.values(), *map_cells.values()], options.out / "cache", options.workers)
     by_case = {key: found[cell] for key, cell in case_cells.items()}
     by_place = {key: found[cell] for key, cell in map_cells.items()}
 
     rows = [efficiency_row(name, m, by_case[name, m]) for name in plan.cases for m in METHODS]
     violations = beyond_default(by_place)
-    written = write_table(options.output / "efficiency", rows, efficiency_notes(rows))
+    written = write_table(options.out / "efficiency", rows, efficiency_notes(rows))
     written += write_table(
-        options.output / "maps", [map_row(m, by_place) for m in maps], map_notes(by_place, violations, plan)
+        options.out / "maps", [map_row(m, by_place) for m in maps], map_notes(by_place, violations, plan)
     )
     cells = [as_mapping(cell, outcomes) for cell, outcomes in found.items()]
-    (options.output / "cells.json").write_text(json.dumps(cells) + "\n", encoding="utf-8")
-    folders = [options.output, *([ROOT / "docs" / "figures"] if options.docs else [])]
+    (options.out / "cells.json").write_text(json.dumps(cells) + "\n", encoding="utf-8")
+    folders = [options.out, *([ROOT / "docs" / "figures"] if options.docs else [])]
     for folder in folders:
         written += draw(folder, plan, by_case, maps, by_place)
     if options.docs:
         document = ROOT / "docs" / "method.md"
         for name in ("efficiency", "maps"):
-            text = (options.output / f"{name}.md").read_text(encoding="utf-8")
+            text = (options.out / f"{name}.md").read_text(encoding="utf-8")
             fill_in(document, f"bench_accuracy {name}", text)
     print("\n".join(str(path) for path in written))
     return gate.finish(

@@ -55,6 +55,10 @@ def draw_maps(stem: Path, maps: Sequence[SuccessMap]) -> list[Path]:
                         axes.text(j, i, f"{100 * value:.0f}", ha="center", va="center", fontsize=6)
                 axes.set_xticks(range(len(m.x)), m.x)
                 axes.set_yticks(range(len(m.y)), m.y)
+                axes.set_xticks(np.arange(len(m.x) + 1) - 0.5, minor=True)
+                axes.set_yticks(np.arange(len(m.y) + 1) - 0.5, minor=True)
+                axes.grid(which="minor", color="white", lw=1.0)
+                axes.tick_params(which="both", length=0)
                 axes.set(title=f"{m.title}: {METHOD_NAMES[method]}", xlabel=m.x_label, ylabel=m.y_label)
                 for spine in axes.spines.values():
                     spine.set_visible(False)
@@ -90,5 +94,5 @@ def draw_efficiency(
         axes.set_xticks(at, names)
         axes.set(yscale="log", ylabel=f"{what}, mm")
         plain_log(axes.yaxis)
-        axes.legend(loc="upper right", ncols=3)
+        axes.legend(loc="lower right", bbox_to_anchor=(1.0, 1.0), ncols=3)
         return save(figure, stem)

@@ -60,7 +60,7 @@ class Compared:
 def main(arguments: list[str] | None = None) -> int:
     """Run the cases, write the table and the pictures, and say where the runs differ from the paper."""
     parser = argparse.ArgumentParser(prog="bench_paper", description=__doc__.split("\n\n")[0])
-    parser.add_argument("-o", "--output", type=Path, default=ROOT / "build" / "bench" / "paper", help="folder")
+    parser.add_argument("-o", "--out", type=Path, default=ROOT / "bench_output" / "paper", help="folder")
     parser.add_argument("--quick", action="store_true", help=f"cases {' and '.join(QUICK)} with {QUICK_POINTS} points")
     parser.add_argument("--seed", type=int, default=1, help="of the simulated clouds")
     parser.add_argument("--docs", action="store_true", help="renew docs/figures and the table in docs/method.md too")
@@ -76,11 +76,9 @@ def main(arguments: list[str] | None = None) -> int:
 
     rows = [row for c in compared for row in table_rows(c)]
     notes = differences(compared)
-    written = write_table(
-        options.output / "table1", rows, notes, points=points, seed=options.seed, noise_mm=1e3 * NOISE_M
-    )
-    written.append(write_curves(options.output / "curves.json", compared))
-    written += draw(options.output, compared, points, options.seed)
+    written = write_table(options.out / "table1", rows, notes, points=points, seed=options.seed, noise_mm=1e3 * NOISE_M)
+    written.append(write_curves(options.out / "curves.json", compared))
+    written += draw(options.out, compared, points, options.seed)
     if options.docs:
         written += draw(ROOT / "docs" / "figures", compared, points, options.seed)
         fill_in(ROOT / "docs" / "method.md", "bench_paper", written[0].read_text(encoding="utf-8"))
