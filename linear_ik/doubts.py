@@ -13,6 +13,7 @@ Mask = npt.NDArray[np.bool_]
 
 ONE_SIDE = 0.95  # share of the points
 PARALLEL_REACH = 0.3  # of the section's size
+CLOSE_M = 0.03
 LEAST_SHARE = 0.3  # of the points of the side opposite
 
 
@@ -51,18 +52,23 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
     size = high - low
     for q, name in enumerate(SIDES):
         axis, sign = q % 2, 1.0 if q < 2 else -1.0
-        outermost = [
-            int(np.count_nonzero(np.abs(pairs.local[matched, axis] - edge[axis]) < 4.0 * noise_m))
-            for edge in (high, low)
-        ]
+        facing = matched & (np.abs(pairs.gradient[:, axis]) > 0.9)
+        there = pairs.local[facing, axis]
+        outermost = [int(np.count_nonzero(np.abs(there - edge[axis]) < 4.0 * noise_m)) for edge in (high, low)]
         own, opposite = outermost if sign > 0 else outermost[::-1]
-        if opposite < 60 or own > 0.1 * opposite:
+        if opposite < 60:
             continue
-        offset_m = _parallel(surface, pairs.local[~matched, :2], axis, sign, noise_m, int(LEAST_SHARE * opposite))
+        seen = own > 0.1 * opposite
+        # Beside a side that is seen, only a surface a plate's thickness outside is suspicious.
+        low_m, high_m = (
+            (4.0 * noise_m, CLOSE_M) if seen else (-PARALLEL_REACH * size[axis], PARALLEL_REACH * size[axis])
+        )
+        least = int((0.5 if seen else LEAST_SHARE) * opposite)
+        offset_m = _parallel(surface, pairs.local[~matched, :2], axis, sign, (low_m, high_m), noise_m, least)
         if offset_m is not None:
             where = "outside" if offset_m > 0 else "inside"
             out.append(
-                f"no point lies on the {name} side, but a surface runs along it {abs(offset_m) * 1e3:.0f} mm {where}: "
+                f"a surface runs along the {name} side, {abs(offset_m) * 1e3:.0f} mm {where}: "
                 f"another section than {size[0] * 1e3:.0f} x {size[1] * 1e3:.0f} mm, or a neighbour"
             )
     return tuple(out)
@@ -71,15 +77,22 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
 SIDES = ("+x", "+y", "-x", "-y")
 
 
-def _parallel(surface: Surface, local: Array, axis: int, sign: float, noise_m: float, least: int) -> float | None:
+def _parallel(
+    surface: Surface,
+    local: Array,
+    axis: int,
+    sign: float,
+    between_m: tuple[float, float],
+    noise_m: float,
+    least: int,
+) -> float | None:
     """Return how far outside a side of the bounding box points [P][2] make up a parallel surface, or None."""
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
     face = high[axis] if sign > 0 else -low[axis]
     across = 1 - axis
     beside = (local[:, across] > low[across] - 0.02) & (local[:, across] < high[across] + 0.02)
     offset = sign * local[beside, axis] - face
-    reach = PARALLEL_REACH * (high[axis] - low[axis])
-    offset = offset[(np.abs(offset) < reach) & (np.abs(offset) > 4.0 * noise_m)]
+    offset = offset[(offset > between_m[0]) & (offset < between_m[1]) & (np.abs(offset) > 4.0 * noise_m)]
     if len(offset) < max(least, 30):
         return None
     # The densest band as wide as a surface's scatter.
