@@ -33,7 +33,7 @@ from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_lim
 Array = npt.NDArray[np.float64]
 
 SLID_M = 0.006
-PLAIN_NOISE_M = 0.006
+PLAIN_NOISE_M = 0.0025  # beyond, another section may scatter the points
 ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
