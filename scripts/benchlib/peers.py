@@ -256,8 +256,8 @@ def notes(plan: Plan, rounds: int) -> list[str]:
         "Cloud: simulate(), rectangle 0.1 x 0.3 m, 2.5 m long, 10 segments, 22.5 degrees at segment 8, 1 mm noise, "
         f"{plan.points:,} points; {rounds} rounds, each with a seed of its own, one process a method and round.",
         "Time: the call alone, from points to nodes; imports done and, where a first call imports, one cloud of "
-        "1,000 points solved before. The fastest of up to 7 calls in a round, then the median of the rounds; the ratio is "
-        "taken within each round. BLAS on one thread.",
+        "1,000 points solved before. The fastest of up to 7 calls in a round, then the median of the rounds; the "
+        "ratio is taken within each round. BLAS on one thread.",
         "Nodes, tip: rms over the rounds of the distance from the true nodes, the first left out. Surface: rms "
         "distance of the scan's points to the surface that the method found.",
         "Memory: the most that the process held, above what it held after its imports and the cloud of 1,000 points; "
