@@ -71,6 +71,7 @@ CLEAN, KNEE, H_SECTION, HALF = (
     Place("half missing (4c)", "4c"),
 )
 WALL = Place("90° arc, wall", scene=Scene(90.0, points=4_000, clutter=0.3))
+OPEN_H = Place("60° arc, H, half missing", scene=Scene(60.0, profile="h", points=6_000, faces_missing=("+x", "+y")))
 ARC = Place("45° arc", scene=Scene(45.0, points=10_000))
 
 
@@ -78,7 +79,11 @@ def groups(quick: bool) -> list[Group]:
     """Return what is compared."""
     out = [
         Group(
-            "default", "The default, one choice changed", default_variants(), (CLEAN, KNEE, H_SECTION, HALF, WALL), 8
+            "default",
+            "The default, one choice changed",
+            default_variants(),
+            (CLEAN, KNEE, H_SECTION, HALF, WALL, OPEN_H),
+            8,
         ),
         Group(
             "pairing",

@@ -8,12 +8,12 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from benchlib.cases import BEAM, LENGTH_M
+from benchlib.cases import BEAM, HEB_300, LENGTH_M
 from linear_ik import Element, RectangleHollow, SimulatedScan, simulate
 
 Array = npt.NDArray[np.float64]
 
-PROFILES = {"beam": BEAM, "box": RectangleHollow(0.2, 0.2, 0.01)}
+PROFILES = {"beam": BEAM, "box": RectangleHollow(0.2, 0.2, 0.01), "h": HEB_300}
 HOLE_M = 0.15
 CLUTTER_GAP_M = 0.050
 MARGIN_M = 0.3
@@ -36,7 +36,7 @@ class Scene:
     Attributes:
         total_deg: bends of all joints added up, all in one plane of random azimuth.
         joints: how many joints share it, chosen at random from joint 2 on; all when 0.
-        profile: "beam", 0.1 x 0.3 m, or "box", 0.2 x 0.2 m.
+        profile: "beam", 0.1 x 0.3 m, "box", 0.2 x 0.2 m, or "h", the H-section.
         segments: of the element and of the truth.
         points: on the whole element, before any go missing.
         noise_m: standard deviation.

@@ -191,11 +191,11 @@ def icpik_variants() -> list[Variant]:
         Variant("icpik", Changed({"method": "icpik"})),
         Variant(
             "no inverse-distance weights",
-            Changed({"method": "icpik"}, [(icpik, "inverse_distance", lambda pairs: np.ones(len(pairs.distance_m)))]),
+            Changed({"method": "icpik"}, [(icpik, "inverse_distance", unweighted)]),
         ),
         Variant(
             "no segment weights",
-            Changed({"method": "icpik"}, [(icpik, "segment_weights", lambda pairs: np.ones(len(pairs.distance_m)))]),
+            Changed({"method": "icpik"}, [(icpik, "segment_weights", unweighted)]),
         ),
         *constant("threshold decay", icpik, "THRESHOLD_DECAY", 0.9, 0.95, 0.99, 1.0),
         *constant("least threshold, m", icpik, "LEAST_THRESHOLD_M", 0.005, 0.05),
@@ -205,7 +205,23 @@ def icpik_variants() -> list[Variant]:
         *setting("lambda", "damping", 1e-6, 1e-1),
         *setting("Q", "continuity", 0.0, 1e-5, 1e-1),
         *setting("C", "directional", 0.0, 1e-1),
+        Variant(
+            "Q 1e-05 and one inner iteration",
+            Changed({"method": "icpik", "continuity": 1e-5}, [(cloud_pairs, "INNER_ITERATIONS", 1)]),
+        ),
+        Variant(
+            "Q 1e-05, one inner iteration, no inverse-distance weights",
+            Changed(
+                {"method": "icpik", "continuity": 1e-5},
+                [(cloud_pairs, "INNER_ITERATIONS", 1), (icpik, "inverse_distance", unweighted)],
+            ),
+        ),
     ]
+
+
+def unweighted(pairs: Any) -> Array:
+    """Return ones [P] for weights."""
+    return np.ones(len(pairs.distance_m))
 
 
 def all_variants() -> dict[str, Variant]:
