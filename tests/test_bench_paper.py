@@ -18,7 +18,7 @@ from cases import TABLE_1
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "scripts"))
 
-from benchlib import ablation, accuracy, cells, figures, maps, pairings, paper, reports, scenes, variants  # noqa: E402
+from benchlib import ablation, accuracy, cells, comparison, figures, maps, pairings, reports, scenes, variants  # noqa: E402
 from benchlib.bound import cramer_rao  # noqa: E402
 from benchlib.cases import BOTH_ENDS, PAPER, make, named  # noqa: E402
 from benchlib.cells import Cell, Outcome  # noqa: E402
@@ -228,33 +228,33 @@ def test_patched_puts_back_and_knows_its_names() -> None:
 
 
 def test_settled_at_is_where_a_curve_stops_falling() -> None:
-    assert paper.settled_at([100.0, 50.0, 10.0, 9.9, 10.0, 10.0]) == 2
-    assert paper.settled_at([10.0]) == 0
-    assert paper.settled_at([10.0, 1.0, 8.0, 1.0]) == 3
+    assert comparison.settled_at([100.0, 50.0, 10.0, 9.9, 10.0, 10.0]) == 2
+    assert comparison.settled_at([10.0]) == 0
+    assert comparison.settled_at([10.0, 1.0, 8.0, 1.0]) == 3
 
 
 def test_published_ranges_are_read_by_their_upper_end() -> None:
-    assert paper.highest("4 to 5") == 5.0
-    assert paper.highest("< 6") == 6.0
-    assert paper.highest("-") == math.inf
+    assert comparison.highest("4 to 5") == 5.0
+    assert comparison.highest("< 6") == 6.0
+    assert comparison.highest("-") == math.inf
 
 
 def test_differences_name_what_the_runs_do_not_show() -> None:
-    def compared(name: str, worst_mm: float, rmse_mm: float) -> paper.Compared:
+    def compared(name: str, worst_mm: float, rmse_mm: float) -> comparison.Compared:
         runs = {m: fitted(worst_mm, [50.0, rmse_mm]) for m in ("icpik", "grid")}
         runs["default"] = fitted(0.1, [50.0, 7.9], iterations=9)
         case = named(name)
         bound = cramer_rao(case.element, case.scan(1, 500), 0.001)
-        return paper.Compared(case, runs, {"icpik": 7.9, "grid": 2.4, "default": 7.9}, bound)
+        return comparison.Compared(case, runs, {"icpik": 7.9, "grid": 2.4, "default": 7.9}, bound)
 
-    text = "\n".join(paper.differences([compared("1b", 30.0, 8.4), compared("4c", 35.0, 9.0)]))
+    text = "\n".join(comparison.differences([compared("1b", 30.0, 8.4), compared("4c", 35.0, 9.0)]))
     assert "RMSE of 1b" in text and "7.9" in text and "8.4 (1b, published < 6)" in text
     assert "4c: the paper calls its fit a complete failure, ours ends 35 mm off" in text
     assert "1b: the paper calls" not in text
-    good = paper.differences([compared("1b", 30.0, 5.0)])
+    good = comparison.differences([compared("1b", 30.0, 5.0)])
     assert not any("RMSE" in note.split(":")[0] for note in good)
-    assert paper.outcome(0.4) == "within 0.5 mm" and paper.outcome(51.0) == "failure"
-    names = {m.name: m for m in paper.metrics([compared("1b", 30.0, 8.4)])}
+    assert comparison.outcome(0.4) == "within 0.5 mm" and comparison.outcome(51.0) == "failure"
+    names = {m.name: m for m in comparison.metrics([compared("1b", 30.0, 8.4)])}
     assert names["1b: worst node, mm"].value == pytest.approx(0.1) and names["median iterations"].value == 9
 
 

@@ -23,6 +23,7 @@ ORIGINAL, TRUTH, RESULT = "#ffffff", "#2166ac", "#35a04a"  # as in the paper's f
 METHOD_COLOURS = {"default": "#1b7837", "icpik": "#d9730d"}
 METHOD_NAMES = {"default": "default", "icpik": "paper's method (our run)"}
 PAPER_GREY = "#d9d9d9"
+LINES = "solid: the paper's method, our run; dashed: the default"
 STYLE = {
     "font.family": "DejaVu Sans",
     "font.size": 8.0,
@@ -217,11 +218,11 @@ def draw_rmse(stem: Path, curves: Sequence[Curves], published: Mapping[str, tupl
             for c in (c for c in curves if c.study == study):
                 colour = f"C{cases.index(c.case)}"
                 if c.method == "grid":
-                    top.plot(c.cloud_mm, color=colour, label=f"{c.case} icpik")
+                    top.plot(c.cloud_mm, color=colour, label=c.case)
                     top.axhline(c.floor_mm, color=colour, lw=0.6, ls=":")
                     continue
                 line = "-" if c.method == "icpik" else (0, (3, 1.2))
-                middle.plot(c.cloud_mm, color=colour, ls=line, label=f"{c.case} {c.method}")
+                middle.plot(c.cloud_mm, color=colour, ls=line)
                 bottom.plot(c.surface_mm, color=colour, ls=line)
                 if c.method == "icpik":
                     middle.axhline(c.floor_mm, color=colour, lw=0.6, ls=":")
@@ -229,7 +230,6 @@ def draw_rmse(stem: Path, curves: Sequence[Curves], published: Mapping[str, tupl
                 top.axhspan(*published[study], color="black", alpha=0.08, lw=0, label="published, final")
             top.set_title(f"case study {study}")
             top.legend(loc="upper right", fontsize=5.5)
-            middle.legend(loc="upper right", ncols=2, fontsize=5.5)
             bottom.set_xlabel("iteration")
         grid[0, 0].set_ylabel("RMSE, clouds on one grid, mm\n(dotted: of the truth)")
         grid[1, 0].set_ylabel("RMSE, independent clouds, mm\n(dotted: of the truth)")
@@ -238,6 +238,8 @@ def draw_rmse(stem: Path, curves: Sequence[Curves], published: Mapping[str, tupl
             axes.set_yscale("log")
             axes.set_xlim(left=0)
             plain_log(axes.yaxis)
+        grid[0, 0].set_ylim(bottom=1.5)
+        figure.suptitle(LINES, fontsize=8)
         return save(figure, stem)
 
 
@@ -252,15 +254,18 @@ def draw_nodes(stem: Path, curves: Sequence[Curves], published_tip_mm: Mapping[s
                 colour = f"C{cases.index(c.case)}"
                 nodes = np.arange(1, len(c.node_mm))
                 style = "o-" if c.method == "icpik" else "s--"
-                axes.plot(nodes, c.node_mm[1:], style, color=colour, ms=2.5, lw=0.9, label=f"{c.case} {c.method}")
+                label = c.case if c.method == "icpik" else None
+                axes.plot(nodes, c.node_mm[1:], style, color=colour, ms=2.5, lw=0.9, label=label)
                 if c.method == "icpik" and c.case in published_tip_mm:
                     tip = published_tip_mm[c.case]
                     axes.plot(nodes[-1], tip, "*", color=colour, ms=9, mec="black", mew=0.5, clip_on=False)
             axes.axhline(0.5, color="black", lw=0.6, ls=":")
             axes.set(title=f"case study {study}", xlabel="node", yscale="log")
-            axes.legend(fontsize=5.5, ncols=2)
+            axes.legend(loc="lower center", fontsize=6, ncols=4)
             plain_log(axes.yaxis)
+        grid[0].set_ylim(bottom=0.003)
         grid[0].set_ylabel("node error, mm (dotted: 0.5 mm)")
+        figure.suptitle(f"{LINES}; star: the tip that the paper publishes", fontsize=8)
         return save(figure, stem)
 
 
