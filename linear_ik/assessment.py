@@ -55,24 +55,21 @@ def _between(problem: Problem, known: Mask) -> Mask:
 
 def coverage(problem: Problem, counted: Tally) -> Array:
     """Return the share [N] of each segment's surface within 2 % of the element's length of a matched point."""
-    from scipy.spatial import cKDTree
-
     n, around, along = counted.touched.shape
-    surface, length_m = problem.surface, problem.element.segment_length_m
+    surface, cell_m = problem.surface, problem.element.segment_length_m / along
+    radius_m = COVERAGE_RADIUS * problem.element.length_m
     xy = surface.at((np.arange(around) + 0.5) / around * surface.perimeter_m)
-    z = (np.arange(along) + 0.5) / along * length_m
-    centres = np.concatenate([np.repeat(xy, along, axis=0), np.tile(z, around)[:, None]], axis=1)
-    # Segments are laid far apart, so that one tree serves them all.
-    apart = 10.0 * (problem.element.length_m + surface.reach_m)
-    at = np.tile(centres, (n, 1))
-    at[:, 0] += apart * np.repeat(np.arange(n), len(centres))
-    covered = counted.touched.reshape(-1).copy()
-    if covered.any() and not covered.all():
-        tree = cKDTree(at[covered], balanced_tree=False, compact_nodes=False)
-        radius = COVERAGE_RADIUS * problem.element.length_m
-        distance, _ = tree.query(at[~covered], distance_upper_bound=radius)
-        covered[~covered] = np.isfinite(distance)
-    return np.asarray(covered.reshape(n, -1).mean(axis=1))
+    apart = xy[:, None] - xy[None]
+    apart_m2 = np.einsum("ijk,ijk->ij", apart, apart)
+    touched = counted.touched.transpose(1, 0, 2).reshape(around, n * along).astype(np.float32)
+    covered = counted.touched.copy()
+    # Cells within the radius: for each distance along the axis, those near enough around it.
+    for steps in range(min(int(radius_m / cell_m), along - 1) + 1):
+        near = (apart_m2 < radius_m**2 - (steps * cell_m) ** 2).astype(np.float32)
+        reached = (near @ touched > 0).reshape(around, n, along).transpose(1, 0, 2)
+        covered[:, :, steps:] |= reached[:, :, : along - steps]
+        covered[:, :, : along - steps] |= reached[:, :, steps:]
+    return np.asarray(covered.mean(axis=(1, 2)))
 
 
 def cloud_rmse(problem: Problem, pose: Pose, counted: Tally, pairs: Correspondences, used: Mask, seed: int) -> float:
@@ -87,11 +84,11 @@ def cloud_rmse(problem: Problem, pose: Pose, counted: Tally, pairs: Corresponden
     rows = np.flatnonzero(used)
     if not len(rows):
         return float("nan")
-    count = min(int(counted.matched.sum()), 10_000)
-    segment = rng.integers(pose.n_segments, size=count)
-    xy = problem.surface.at(rng.random(count) * problem.surface.perimeter_m)
-    model = np.column_stack([xy, rng.random(count) * problem.element.segment_length_m])
-    model = np.einsum("pij,pj->pi", pose.rotations[segment], model) + pose.nodes_m[segment]
+    n = pose.n_segments
+    each = max(min(int(counted.matched.sum()), 10_000) // n, 1)
+    xy = problem.surface.at(rng.random(n * each) * problem.surface.perimeter_m)
+    model = np.column_stack([xy, rng.random(n * each) * problem.element.segment_length_m]).reshape(n, each, 3)
+    model = (model @ pose.rotations.transpose(0, 2, 1) + pose.nodes_m[:n, None]).reshape(-1, 3)
     some = rows if len(rows) <= 1000 else rng.choice(rows, 1000, replace=False)
     of = pairs.segment[some]
     points = np.einsum("pij,pj->pi", pose.rotations[of], pairs.local[some]) + pose.nodes_m[of]

@@ -64,30 +64,37 @@ class Matcher:
         self.segment_length_m = segment_length_m
         # A round section has one face, whose residual needs no chords: a few will do to tell segments apart.
         outline = surface if surface.radius_m is None else surface.of_outline(surface.corners[::4], surface.radius_m)
-        vertices, triangles = outline.mesh(1.0)
-        self._unit = vertices
-        self._triangles = o3d.core.Tensor(triangles)
+        self._unit, self._triangles = outline.mesh(1.0)
 
     def match(self, pose: Pose, points: Array, segments: int | None = None, first: int = 0) -> Correspondences:
         """Match ``points`` [P][3] (element's frame) to segments ``first`` to ``segments`` - 1 of the chain."""
         n = pose.n_segments if segments is None else segments
-        lengths = self.segment_length_m[first:n]
-        scene = self._scene(nthreads=0)
-        vertices = np.repeat(self._unit[None], n - first, axis=0)
-        vertices[:, :, 2] *= lengths[:, None]
-        vertices = vertices @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
-        for mesh in vertices.astype(np.float32):
-            scene.add_triangles(self._core.Tensor(mesh), self._triangles)
-        hit = scene.compute_closest_points(self._core.Tensor(np.ascontiguousarray(points, dtype=np.float32)))
-        segment = hit["geometry_ids"].numpy() + np.uint32(first)
-        order = np.argsort(segment.astype(np.uint8 if n < 256 else np.uint16), kind="stable")
-        starts = np.concatenate([[0], np.cumsum(np.bincount(segment, minlength=n))])
-        face = hit["primitive_ids"].numpy()[order].astype(np.intp) // 2
+        triangle = self._nearest_triangle(pose, points, first, n)
+        segment, triangle = np.divmod(triangle, np.uint32(len(self._triangles)))
+        # Few segments sort by radix, in one pass over bytes.
+        order = np.argsort((segment + first).astype(np.uint8 if n < 256 else np.uint16), kind="stable")
+        starts = np.zeros(n + 1, dtype=np.intp)
+        np.cumsum(np.bincount(segment, minlength=n - first), out=starts[first + 1 :])
+        face = (triangle[order] // 2).astype(np.intp)
         local = points[order].astype(np.float64, copy=False)
+        beyond = np.empty(len(local))
         for k in range(first, n):
             rows = slice(starts[k], starts[k + 1])
             local[rows] = (local[rows] - pose.nodes_m[k]) @ pose.rotations[k]
+            z = local[rows, 2]
+            np.subtract(z, np.clip(z, 0.0, self.segment_length_m[k]), out=beyond[rows])
         residual, gradient = self.surface.offsets(local[:, :2], face)
-        length = np.repeat(self.segment_length_m[:n], np.diff(starts))
-        beyond = local[:, 2] - np.clip(local[:, 2], 0.0, length)
-        return Correspondences(order, starts, face, local, residual, gradient, np.hypot(residual, beyond))
+        distance = np.sqrt(residual * residual + beyond * beyond)
+        return Correspondences(order, starts, face, local, residual, gradient, distance)
+
+    def _nearest_triangle(self, pose: Pose, points: Array, first: int, n: int) -> npt.NDArray[np.uint32]:
+        """Return the nearest triangle [P] of segments ``first`` to n - 1, one mesh after the other."""
+        corners, vertices = len(self._unit), np.repeat(self._unit[None], n - first, axis=0)
+        vertices[:, :, 2] *= self.segment_length_m[first:n, None]
+        vertices = vertices @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
+        each = np.arange(0, (n - first) * corners, corners, dtype=np.uint32)
+        triangles = (self._triangles + each[:, None, None]).reshape(-1, 3)
+        scene, tensor = self._scene(nthreads=0), self._core.Tensor
+        scene.add_triangles(tensor(vertices.reshape(-1, 3).astype(np.float32)), tensor(triangles))
+        hit = scene.compute_closest_points(tensor(np.ascontiguousarray(points, dtype=np.float32)))
+        return np.asarray(hit["primitive_ids"].numpy())

@@ -31,8 +31,10 @@ from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
 
 Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
 
 SLID_M = 0.006
+PLAIN_ITERATIONS = 12
 PLAIN_NOISE_M = 0.0025  # beyond, another section may scatter the points
 ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
@@ -93,16 +95,18 @@ def _fit(
         clock.lap("icpik")
         return conclude(measured(problem, found, settings), settings, log, clock)
 
-    found = plain(problem, sample(problem.points, COARSE_POINTS_A_SEGMENT * n, rng), settings, solver, log)
+    few = sample(problem.points, COARSE_POINTS_A_SEGMENT * n, rng)
+    found, sure = plain(problem, few, settings, solver, log)
     clock.lap("coarse")
-    if settings.search == "always" or (settings.search == "auto" and not believable(problem, found)):
+    if settings.search == "always" or (settings.search == "auto" and not sure):
         found = searched(problem, found, settings, solver, log, rng)
         problem = problem.seeing(nearby(problem, found.pose, NEAR_M))
         clock.lap("search")
         if len(problem.points) < LEAST_POINTS:
             return absent(problem, (f"{ABSENT}: no points make up its surface",), settings, log, clock)
 
-    settled = settle(problem, found, sample(problem.points, sample_size(problem), rng), settings, solver, log)
+    some = sample(problem.points, sample_size(problem), rng)
+    settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
     return conclude(settled, settings, log, clock)
 
@@ -119,37 +123,50 @@ def thread_pools() -> ThreadpoolController:
     return ThreadpoolController()
 
 
-def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver, log: Log) -> Descended:
-    """Descend from the design, unweighted; where that leaves doubts, with weights from the noise found."""
-    stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, 12, 1e-3)
-    found = descend(problem, problem.straight, stage, settings, solver, log)
-    if believable(problem, found):
-        return found
+def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver, log: Log) -> tuple[Descended, bool]:
+    """Descend from the design, unweighted; where a segment is then in doubt, turn it to its points and descend again.
+
+    Turns go on as long as each brings the doubts farther along. What they leave in doubt
+    is descended once more, with weights from the noise found.
+
+    Returns:
+        Where it ended, and whether that can only be right.
+    """
+    stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, PLAIN_ITERATIONS, 1e-3)
+    found, turned = descend(problem, problem.straight, stage, settings, solver, log), 0
+    while not (sure := believed(problem, found)).all():
+        doubtful = int(sure.argmin())
+        if doubtful <= turned or settings.search != "auto":
+            break
+        x, turned = Startup(problem, points, noise_of(found.pairs), settings, solver, log).turned(found.x, doubtful)
+        found = descend(problem, x, stage, settings, solver, log)
+    if sure.all():
+        return found, True
     noise_m = settings.range_noise_m or noise_of(found.pairs)
     stage = Stage("coarse", points, (ROBUST_SCALE * noise_m,), noise_m, 3, 1e-4)
-    return descend(problem, found.x, stage, settings, solver, log)
+    found = descend(problem, found.x, stage, settings, solver, log)
+    return found, bool(believed(problem, found).all())
 
 
-def believable(problem: Problem, found: Descended) -> bool:
-    """Whether a plain fit of a coarse cloud can only be right.
+def believed(problem: Problem, found: Descended) -> Mask:
+    """Return which segments [N] of a plain fit of a coarse cloud can only be right.
 
-    Nearly every point is explained on every segment, and every segment is seen from all
-    four sides: with a side missing, the opposite face explains the points as well.
+    Nearly every point there is explained, and the segment is seen from all four sides:
+    with a side missing, the opposite face explains the points as well.
     """
     noise_m = noise_of(found.pairs)
-    if noise_m > PLAIN_NOISE_M:
-        return False
     n = problem.element.segments
+    if noise_m > PLAIN_NOISE_M:
+        return np.zeros(n, dtype=bool)
     segment = found.pairs.segment
     count = np.bincount(segment, minlength=n)
     near = np.bincount(segment[found.pairs.distance_m < 4.5 * noise_m], minlength=n)
-    if (count < 12).any() or (near < 0.95 * count).any():
-        return False
     side = quadrants(found.pairs.gradient)
     seen = np.bincount(4 * segment + side, minlength=4 * n).reshape(n, 4)
     share = np.bincount(quadrants(problem.surface.normals), problem.surface.widths_m, minlength=4)
     expected = share / share.sum() * count[:, None]
-    return bool((seen >= np.minimum(0.25 * expected, expected - 3.0 * np.sqrt(expected))).all())
+    around = (seen >= np.minimum(0.25 * expected, expected - 3.0 * np.sqrt(expected))).all(axis=1)
+    return np.asarray((count >= 12) & (near >= 0.95 * count) & around)
 
 
 def searched(

@@ -16,6 +16,7 @@ Mask = npt.NDArray[np.bool_]
 BOTH_SIDES_SEEN = 0.25
 LEAST_MISFIT_M = 0.0003
 LARGEST_STRETCH = 0.03
+LEAST_POINTS = 12  # of a segment that has a say
 
 
 @dataclass(frozen=True, eq=False)
@@ -60,17 +61,17 @@ def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m
     if surface.radius_m is not None:
         stretch = stretch.sum(axis=1, keepdims=True)
     ends = np.searchsorted(pairs.segment[used], np.arange(len(pairs.starts)))
+    told = np.flatnonzero(np.diff(ends) >= LEAST_POINTS)
     m = stretch.shape[1]
-    total, left, pull = np.zeros(m), np.zeros((m, m)), np.zeros(m)
-    for start, end in zip(ends[:-1], ends[1:], strict=True):
-        if end - start < 12:
-            continue
-        G, F, r = gradient[start:end], stretch[start:end], residual[start:end]
-        shift = np.linalg.pinv(G)
-        F_left, r_left = F - G @ (shift @ F), r - G @ (shift @ r)
-        total += (F**2).sum(axis=0)
-        left += F_left.T @ F_left
-        pull += F_left.T @ r_left
+    if not len(told):
+        return None
+    both = np.column_stack([gradient, stretch, residual])
+    # Moments of each segment: shifts first (2), stretches (m), residual (1).
+    M = np.stack([both[ends[k] : ends[k + 1]].T @ both[ends[k] : ends[k + 1]] for k in told])
+    G = np.linalg.pinv(M[:, :2, :2], rcond=1e-12, hermitian=True)
+    left_of = M[:, 2:, 2:] - M[:, 2:, :2] @ G @ M[:, :2, 2:]
+    total = np.diag(M[:, 2:, 2:].sum(axis=0))[:m]
+    left, pull = left_of[:, :m, :m].sum(axis=0), left_of[:, :m, m].sum(axis=0)
     seen = (np.diag(left) > BOTH_SIDES_SEEN * total) & (total > 0)
     if not seen.any():
         return None

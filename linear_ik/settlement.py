@@ -114,7 +114,7 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
                 problem = problem.measuring(designed.scaled(misfit.scale))
                 changed = True
         objective = step_objective(problem, found.x, found.pose, found.pairs, found.weights, noise_m, settings)
-        problem = problem.expecting(evidence(problem, found.x, objective, noise_m))
+        before, problem = problem, problem.expecting(evidence(problem, found.x, objective, noise_m))
         if not changed and problem.may_slide and AXIAL not in problem.variables:
             slide = slide_of_ends(problem, found.pairs, noise_m)
             if slide is not None:
@@ -127,6 +127,8 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
             if changed and problem.prior_mean[AXIAL] == 0.0:
                 # What told the slide may have been the foreign segments.
                 problem = problem.held()
+        if not changed and found.converged and prior_move(before, problem, found, objective, noise_m) < noise_m:
+            break  # the step on all points will take the new prior in
         found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, settings, solver, log)
         if not changed:
             break
@@ -239,19 +241,39 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     information = objective.H[np.ix_(moving, moving)] / noise_m**2 - np.diag(now)
     # Right-hand side of the normal equations of the points alone, in x instead of dx.
     pull = information @ x[moving] - (objective.c[moving] / noise_m**2 - now * (x - problem.prior_mean)[moving])
-    mean, variance = np.zeros(len(sd)), np.zeros(len(sd))
+    axes = [np.arange(BASE + 3 + axis, len(sd), 3) for axis in range(3)]
+    rows = [(joints, np.searchsorted(moving, joints)) for joints in axes if np.isin(joints, moving).all()]
+    diagonal = np.diag_indices(len(moving))
     for _ in range(EVIDENCE_ROUNDS if len(moving) <= 200 else 3):
         before = sd.copy()
-        S = np.linalg.inv(information + np.diag(1.0 / sd[moving] ** 2))
-        mean[moving], variance[moving] = S @ pull, np.diag(S)
-        for axis in range(3):
-            joints = np.arange(BASE + 3 + axis, len(sd), 3)
-            if np.isin(joints, moving).all():
-                second_moment = np.mean(mean[joints] ** 2 + variance[joints])
-                sd[joints] = np.clip(np.sqrt(second_moment), STIFFEST_RAD, LOOSEST_RAD)
-        if np.allclose(sd, before, rtol=0.02):
+        posterior = information.copy()
+        posterior[diagonal] += 1.0 / sd[moving] ** 2
+        S = np.linalg.inv(posterior)
+        second_moment = (S @ pull) ** 2 + np.diag(S)
+        for joints, at in rows:
+            sd[joints] = min(max(np.sqrt(second_moment[at].mean()), STIFFEST_RAD), LOOSEST_RAD)
+        if (np.abs(sd - before) <= 0.02 * before).all():
             break
     return np.asarray(sd)
+
+
+def prior_move(before: Problem, after: Problem, found: Descended, objective: Objective, noise_m: float) -> float:
+    """Return how far a change of the prior moves any node, in metres, by the linear model of the last step.
+
+    Args:
+        before: with the prior that ``objective`` contains.
+        after: with the new one.
+        found: where the fit is.
+        objective: sum of all terms but the damping, at ``found``.
+        noise_m: standard deviation of a point.
+    """
+    moving = after.variables
+    old, new = ((noise_m / p.prior_sd) ** 2 for p in (before, after))
+    pull = new * (found.x - after.prior_mean) - old * (found.x - before.prior_mean)
+    step = np.zeros(len(pull))
+    H = objective.H[np.ix_(moving, moving)] + np.diag((new - old)[moving])
+    step[moving] = -np.linalg.solve(H, pull[moving])
+    return float(np.abs(found.pose.node_jacobians() @ step).max())
 
 
 def slide_seen(problem: Problem, found: Descended, objective: Objective, noise_m: float) -> bool:

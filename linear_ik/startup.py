@@ -33,6 +33,7 @@ CHILDREN = 3
 SHIFT_STEP_M, MOST_STEPS = 0.02, 8  # of a floating base, each way; a large tolerance is searched more coarsely
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
+BENT_RAD = np.radians(4.0)
 
 
 @dataclass(frozen=True, eq=False)
@@ -169,6 +170,19 @@ class Startup:
                 yield chain.clip(x)
             if len(taken) == wanted:
                 return
+
+    def turned(self, x: Array, k: int) -> tuple[Array, int]:
+        """Return the variables [6 + 3N] with the next joint that bends, from k (from 0) on, turned, and which that is.
+
+        Joints before it go straight on, and so does what follows.
+        """
+        x = x.copy()
+        x[BASE + 3 * k :] = 0.0
+        for j in range(k, self.problem.element.segments):
+            x = next(self.searched(Hypothesis(x, 0.0, None, ()), j), x)
+            if np.abs(x[BASE + 3 * j : BASE + 3 * j + 3]).max() > BENT_RAD:
+                return x, j
+        return x, self.problem.element.segments
 
     def shifts(self) -> Array:
         """Return the translations [S][3] across the axis that a free base may have."""

@@ -128,11 +128,14 @@ class Surface:
         if self.radius_m is not None:
             rho = np.sqrt(np.einsum("ij,ij->i", xy, xy))
             return rho - self.radius_m, xy / np.maximum(rho, 1e-12)[:, None]
-        normal = self.normals[edge]
-        delta = xy - self.corners[edge]
-        distance = np.einsum("ij,ij->i", normal, delta)
-        along = np.einsum("ij,ij->i", self.tangents[edge], delta)
-        past = along - np.clip(along, 0.0, self.widths_m[edge])
+        x, y = xy[:, 0], xy[:, 1]
+        # By component: a gather of rows and a sum over an axis of two cost three times as much.
+        tx, ty, width = self.tangents[:, 0][edge], self.tangents[:, 1][edge], self.widths_m[edge]
+        dx, dy = x - self.corners[:, 0][edge], y - self.corners[:, 1][edge]
+        distance, along = ty * dx - tx * dy, tx * dx + ty * dy
+        normal = np.empty((len(distance), 2))
+        normal[:, 0], normal[:, 1] = ty, -tx
+        past = along - np.minimum(np.maximum(along, 0.0), width)
         corner = np.flatnonzero(np.abs(past) > 1e-9)
         if len(corner):
             offset = distance[corner, None] * normal[corner] + past[corner, None] * self.tangents[edge[corner]]
