@@ -17,6 +17,7 @@ Array = npt.NDArray[np.float64]
 
 AXIAL = 2
 MANY_POINTS = 1_000_000
+POINTS_A_PIECE = 65_536  # what a core keeps in its cache
 BEND_SD_RAD = np.radians(10.0)
 TWIST_SD_RAD = np.radians(5.0)
 FIRST_JOINT_SD_RAD = np.radians(5.0)
@@ -117,8 +118,8 @@ def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:
     """
     out = np.empty(points.shape, dtype=np.float64 if len(points) <= MANY_POINTS else np.float32)
     count = 0
-    for start in range(0, len(points), MANY_POINTS):
-        local = (points[start : start + MANY_POINTS] - T_world_element[:3, 3]) @ T_world_element[:3, :3]
+    for start in range(0, len(points), POINTS_A_PIECE):
+        local = (points[start : start + POINTS_A_PIECE] - T_world_element[:3, 3]) @ T_world_element[:3, :3]
         near = np.einsum("ij,ij->i", local, local) <= reach_m**2
         local = local if near.all() else local[near]
         out[count : count + len(local)] = local

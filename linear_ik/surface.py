@@ -98,9 +98,10 @@ class Surface:
         """Return the length along the outline [P] of the feet of points [P][2] on their face [P]."""
         if self.radius_m is not None:
             return np.asarray(np.mod(np.arctan2(xy[:, 1], xy[:, 0]), 2 * np.pi) * self.radius_m)
-        along = np.einsum("ij,ij->i", self.tangents[edge], xy - self.corners[edge])
+        (tx, ty), (cx, cy) = self.tangents.T, self.corners.T
+        along = tx[edge] * (xy[:, 0] - cx[edge]) + ty[edge] * (xy[:, 1] - cy[edge])
         starts = np.cumsum(self.widths_m) - self.widths_m
-        return np.asarray(starts[edge] + np.clip(along, 0.0, self.widths_m[edge]))
+        return np.asarray(starts[edge] + np.minimum(np.maximum(along, 0.0), self.widths_m[edge]))
 
     def mesh(self, length_m: float) -> tuple[Array, npt.NDArray[np.uint32]]:
         """Return vertices [2E][3] and triangles [2E][3] of the open tube.

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import Pose
 from linear_ik.descent import Stage, on_surface
-from linear_ik.problem import Problem
+from linear_ik.problem import POINTS_A_PIECE, Problem
 from linear_ik.terms.objective import Objective
 from linear_ik.terms.point_residual import point_residual
 
@@ -22,7 +22,6 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
-POINTS_A_PIECE = 100_000
 COVERAGE_RADIUS = 0.02  # of the element's length (the design contract)
 MATCHED = 4.0  # deviations of the noise
 BESIDE = 16.0  # deviations; four times as far as a match
