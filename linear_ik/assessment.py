@@ -6,7 +6,6 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import BASE, Pose
-from linear_ik.correspondence import Correspondences
 from linear_ik.problem import Problem
 from linear_ik.result import SegmentResult, SegmentStatus, Status
 from linear_ik.tally import COVERAGE_RADIUS, Tally
@@ -72,26 +71,31 @@ def coverage(problem: Problem, counted: Tally) -> Array:
     return np.asarray(covered.mean(axis=(1, 2)))
 
 
-def cloud_rmse(problem: Problem, pose: Pose, counted: Tally, pairs: Correspondences, used: Mask, seed: int) -> float:
+def cloud_rmse(problem: Problem, pose: Pose, counted: Tally, points: Array, seed: int) -> float:
     """Return the paper's RMSE: scan points to the nearest of a cloud sampled on the model.
 
     The model's cloud has as many points as were matched (at most 10,000), so the figure
     is mostly their spacing, as in the paper.
+
+    Args:
+        problem: for the section.
+        pose: of the model.
+        counted: for the number of matched points.
+        points: [P][3] matched scan points, element's frame.
+        seed: of the model's cloud, and of the choice of 1,000 points.
     """
     from scipy.spatial import cKDTree
 
     rng = np.random.default_rng(seed)
-    rows = np.flatnonzero(used)
-    if not len(rows):
+    if not len(points):
         return float("nan")
     n = pose.n_segments
     each = max(min(int(counted.matched.sum()), 10_000) // n, 1)
     xy = problem.surface.at(rng.random(n * each) * problem.surface.perimeter_m)
     model = np.column_stack([xy, rng.random(n * each) * problem.element.segment_length_m]).reshape(n, each, 3)
     model = (model @ pose.rotations.transpose(0, 2, 1) + pose.nodes_m[:n, None]).reshape(-1, 3)
-    some = rows if len(rows) <= 1000 else rng.choice(rows, 1000, replace=False)
-    of = pairs.segment[some]
-    points = np.einsum("pij,pj->pi", pose.rotations[of], pairs.local[some]) + pose.nodes_m[of]
+    if len(points) > 1000:
+        points = points[rng.choice(len(points), 1000, replace=False)]
     distance, _ = cKDTree(model, balanced_tree=False, compact_nodes=False).query(points)
     return float(np.sqrt(np.mean(distance**2)))
 

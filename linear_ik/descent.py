@@ -19,7 +19,7 @@ from linear_ik.errors import StepError
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.result import IterationRecord
-from linear_ik.settings import FitSettings
+from linear_ik.settings import FitSettings, TermWeights
 from linear_ik.terms.continuity import continuity
 from linear_ik.terms.damping import Damping, damping
 from linear_ik.terms.directional_constraint import directional_constraint
@@ -120,14 +120,16 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
     moving = problem.variables if stage.variables is None else stage.variables
     lower, upper = chain.lower[moving], chain.upper[moving]
     lam = Damping(settings.weights.damping)
-    pose, cost, converged = chain.pose(x), np.inf, False
+    pose, cost_m2, converged = chain.pose(x), np.inf, False
     for i in range(stage.iterations):
         pairs, weights, scale_m = stage.pair(problem, pose, stage, i)
         if len(log.records) >= settings.max_iterations:
             break
-        objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, settings, moving, stage.term)
+        previous_m2, cost_m2 = cost_m2, float(weights @ pairs.residual_m**2) / max(float(weights.sum()), 1e-300)
+        lam = lam.after(cost_m2 <= previous_m2)
+        objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, moving, stage.term)
         dx, lam = damped_step(
-            objective,
+            objective + shape_damping(x, objective.mean_information(), settings.weights).of(moving),
             lam,
             np.maximum(lower - x[moving], -settings.max_step_rad),
             np.minimum(upper - x[moving], settings.max_step_rad),
@@ -138,12 +140,10 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
         x = chain.clip(x)
 
         before, pose = pose, chain.pose(x)
-        previous, cost = cost, float(weights @ pairs.residual_m**2)
-        lam = lam.after(cost <= previous)
-        matched, rms_m = int(np.count_nonzero(weights)), float(np.sqrt(cost / max(weights.sum(), 1e-300)))
+        matched, rms_m = int(np.count_nonzero(weights)), float(np.sqrt(cost_m2))
         record(problem, log, stage.phase, matched, rms_m, scale_m, lam.weight, float(np.abs(dx).max()), x)
         moved_m = float(np.abs(pose.nodes_m - before.nodes_m).max())
-        close = stage.close_m > 0.0 and float(pairs.distance_m.max(initial=np.inf)) < stage.close_m
+        close = len(pairs.distance_m) > 0 and float(pairs.distance_m.max()) < stage.close_m
         if close or (moved_m < stage.stop_m and i + 1 >= len(stage.scales_m)):
             converged = True
             break
@@ -187,41 +187,41 @@ def step_objective(
     pairs: Correspondences,
     weights: Array,
     noise_m: float,
-    settings: FitSettings,
     moving: Index | None = None,
     term: PointTerm = point_residual,
 ) -> Objective:
-    """Return the sum of all terms but the damping, over some variables or all [6 + 3N]."""
+    """Return what points, prior and supports ask of the step, over some variables or all [6 + 3N]."""
     moving = np.arange(len(x)) if moving is None else moving
-    objective = term(pose, pairs, weights, moving)
-    grown = len(pairs.starts) - 1
-    return objective + other_terms(problem, x, pose, objective, noise_m, settings, moving, grown)
+    known = known_terms(problem, x, pose, noise_m, moving, len(pairs.starts) - 1)
+    return term(pose, pairs, weights, moving) + known
 
 
-def other_terms(
+def known_terms(
     problem: Problem,
     x: Array,
     pose: Pose,
-    points: Objective,
     noise_m: float,
-    settings: FitSettings,
     moving: Index | None = None,
     grown: int | None = None,
 ) -> Objective:
-    """Return the sum of all terms but the points' and the damping.
+    """Return the sum of the prior and the supports: what is known besides the points.
 
-    The end's support counts once the whole chain has ``grown``; Q and C are weighed
-    against the information of the ``points``.
+    The end's support counts once the whole chain has ``grown``.
     """
     moving = np.arange(len(x)) if moving is None else moving
-    information = points.mean_information()
     objective = prior(x[moving], problem.prior_mean[moving], (noise_m / problem.prior_sd[moving]) ** 2)
     if problem.element.end != "free" and grown in (None, pose.n_segments):
         objective += end_support(problem.element, pose, noise_m**2).of(moving)
-    if settings.weights.continuity:
-        objective += continuity(x, settings.weights.continuity * information).of(moving)
-    if settings.weights.directional:
-        objective += directional_constraint(x, settings.weights.directional * information).of(moving)
+    return objective
+
+
+def shape_damping(x: Array, information: float, weights: TermWeights) -> Objective:
+    """Return the paper's Q and C over all variables [6 + 3N], weighed against the mean ``information``."""
+    objective = Objective(np.zeros((len(x), len(x))), np.zeros(len(x)))
+    if weights.continuity:
+        objective += continuity(len(x), weights.continuity * information)
+    if weights.directional:
+        objective += directional_constraint(x, weights.directional * information)
     return objective
 
 

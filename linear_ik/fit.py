@@ -13,7 +13,7 @@ from threadpoolctl import ThreadpoolController
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
-from linear_ik.descent import Descended, Log, Stage, descend, other_terms
+from linear_ik.descent import Descended, Log, Stage, descend, known_terms
 from linear_ik.doubts import doubts, quadrants
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
@@ -27,7 +27,6 @@ from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
 from linear_ik.startup import Startup
 from linear_ik.surface import Surface
 from linear_ik.tally import nearby
-from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
 
 Array = npt.NDArray[np.float64]
@@ -133,13 +132,16 @@ def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver
         Where it ended, and whether that can only be right.
     """
     stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, PLAIN_ITERATIONS, 1e-3)
-    found, turned = descend(problem, problem.straight, stage, settings, solver, log), 0
-    while not (sure := believed(problem, found)).all():
-        doubtful = int(sure.argmin())
-        if doubtful <= turned or settings.search != "auto":
+    found = descend(problem, problem.straight, stage, settings, solver, log)
+    sure = believed(problem, found)
+    # With the first segment in doubt nothing says where to turn.
+    while settings.search == "auto" and sure[0] and not sure.all():
+        startup = Startup(problem, points, noise_of(found.pairs), settings, solver, log)
+        other = descend(problem, startup.turned(found.x, int(sure.argmin())), stage, settings, solver, log)
+        then = believed(problem, other)
+        if not then.all() and then.argmin() <= sure.argmin():
             break
-        x, turned = Startup(problem, points, noise_of(found.pairs), settings, solver, log).turned(found.x, doubtful)
-        found = descend(problem, x, stage, settings, solver, log)
+        found, sure = other, then
     if sure.all():
         return found, True
     noise_m = settings.range_noise_m or noise_of(found.pairs)
@@ -223,7 +225,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         if not settled.misfit.plausible:
             status = "uncertain" if status == "converged" else status
         reasons += (settled.misfit.sentence(Surface.of(problem.element.profile)),)
-    rmse_m = cloud_rmse(problem, pose, settled.tally, settled.pairs, settled.matched, settings.seed)
+    rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)
     clock.lap("assess")
     return in_scan_coordinates(
         problem,
@@ -245,9 +247,7 @@ def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, lo
     """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
     x = problem.straight
     pose = problem.chain.pose(x)
-    nothing = Objective(np.zeros((len(x), len(x))), np.zeros(len(x)))
-    objective = other_terms(problem, x, pose, nothing, 1e-3, settings)
-    _, node_covariance = covariance(problem, pose, objective, 1e-3)
+    _, node_covariance = covariance(problem, pose, known_terms(problem, x, pose, 1e-3), 1e-3)
     unseen = SegmentResult("not_scanned", 0, 0.0, float("nan"))
     return in_scan_coordinates(
         problem,

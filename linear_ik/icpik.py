@@ -25,7 +25,9 @@ STOP_M = 0.001  # paper 3.2: largest distance between corresponding points
 MOST_ITERATIONS = 100  # paper 3.2
 THRESHOLD_DECAY = 0.97  # ours: "gradually decreases with iteration count"
 LEAST_THRESHOLD_M = 0.02  # ours: below the spacing of two clouds nothing is left to match
-HALF_WEIGHT_M = 0.02  # ours: distance at which the inverse-distance weight is a quarter
+QUARTER_WEIGHT_M = 0.02  # ours: distance at which the inverse-distance weight is a quarter
+WEIGHT_EXPONENT = 2.0  # ours: "non-linear scaling"
+SUPPORT_NOISE_M = 0.001  # ours: what a held end's tolerance is weighed against
 MODEL_POINTS = 10_000  # ours: as many as the simulated scans have
 
 
@@ -47,19 +49,21 @@ def icpik(problem: Problem, settings: FitSettings, solver: Solver, log: Log) -> 
     stage = Stage(
         "icpik",
         problem.points,
-        noise_m=0.0,  # no prior
+        noise_m=settings.range_noise_m or SUPPORT_NOISE_M,
         iterations=MOST_ITERATIONS,
         stop_m=0.0,
         pair=pair,
         term=point_to_point,
         close_m=STOP_M,
     )
-    return descend(problem, problem.straight, stage, settings, solver, log)
+    # Eq. 4 knows no prior.
+    free = problem.expecting(np.full(problem.chain.nv, np.inf))
+    return descend(free, problem.straight, stage, settings, solver, log)
 
 
 def inverse_distance(pairs: CloudPairs) -> Array:
-    """Return weights [P] that emphasise closer points, non-linearly: ``(h / (h + d))^2``."""
-    return np.asarray((HALF_WEIGHT_M / (HALF_WEIGHT_M + pairs.distance_m)) ** 2)
+    """Return weights [P] that emphasise closer points, non-linearly: ``(h / (h + d))^2``, a quarter at h."""
+    return np.asarray((QUARTER_WEIGHT_M / (QUARTER_WEIGHT_M + pairs.distance_m)) ** WEIGHT_EXPONENT)
 
 
 def segment_weights(pairs: CloudPairs) -> Array:

@@ -21,8 +21,8 @@ from linear_ik.descent import (
     Stage,
     damped_step,
     descend,
+    known_terms,
     on_surface,
-    other_terms,
     record,
     step_objective,
 )
@@ -61,7 +61,8 @@ class Settled:
         pose: the chain there.
         objective: all terms but the damping, of all points, over all variables.
         tally: the points counted.
-        pairs: matches of the sample.
+        pairs: matches of the sample, made one step before.
+        some: [S][3] the sample.
         matched: [P] which of these lie on the surface, within 4 deviations.
         noise_m: standard deviation of the matched points.
         foreign: [N] segments whose points belong to something else.
@@ -79,6 +80,7 @@ class Settled:
     objective: Objective
     tally: Tally
     pairs: Correspondences
+    some: Array
     matched: Mask
     noise_m: float
     foreign: Mask
@@ -113,7 +115,7 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
             if misfit is not None and misfit.plausible:
                 problem = problem.measuring(designed.scaled(misfit.scale))
                 changed = True
-        objective = step_objective(problem, found.x, found.pose, found.pairs, found.weights, noise_m, settings)
+        objective = step_objective(problem, found.x, found.pose, found.pairs, found.weights, noise_m)
         before, problem = problem, problem.expecting(evidence(problem, found.x, objective, noise_m))
         if not changed and problem.may_slide and AXIAL not in problem.variables:
             slide = slide_of_ends(problem, found.pairs, noise_m)
@@ -133,7 +135,7 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
         if not changed:
             break
     noise_m = noise_used(found, settings)
-    return last_step(count(problem, found, noise_m, foreign, misfit, settings), settings, solver, log)
+    return last_step(count(problem, found, some, noise_m, foreign, misfit), settings, solver, log)
 
 
 def noise_used(found: Descended, settings: FitSettings) -> float:
@@ -146,14 +148,14 @@ def noise_used(found: Descended, settings: FitSettings) -> float:
 def count(
     problem: Problem,
     found: Descended,
+    some: Array,
     noise_m: float,
     foreign: Mask,
     misfit: SectionMisfit | None,
-    settings: FitSettings,
 ) -> Settled:
     """Count all points at the pose that the sample came to rest at."""
     counted = tally(problem, found.pose, noise_m, ROBUST_SCALE * noise_m, foreign if foreign.any() else None)
-    others = other_terms(problem, found.x, found.pose, counted.objective, noise_m, settings)
+    others = known_terms(problem, found.x, found.pose, noise_m)
     objective = counted.objective + others
     moving, still = problem.variables, np.zeros(len(found.x))
     still[moving] = -np.linalg.solve(objective.of(moving).H, objective.c[moving])
@@ -164,7 +166,8 @@ def count(
         objective,
         counted,
         found.pairs,
-        np.asarray((found.weights > 0) & (found.pairs.distance_m <= MATCHED * noise_m)),
+        some,
+        _matched(found, noise_m),
         noise_m,
         foreign,
         misfit,
@@ -185,9 +188,12 @@ def last_step(settled: Settled, settings: FitSettings, solver: Solver, log: Log)
     dx, lam = damped_step(objective, lam, chain.lower[moving] - x[moving], chain.upper[moving] - x[moving], solver)
     x[moving] += dx
     x = chain.clip(x)
+    whole = settled.objective
+    # What the terms still ask for past the step: limits are judged by it.
+    left = Objective(whole.H, whole.c + whole.H @ (x - settled.x))
     scale_m, step_rad = ROBUST_SCALE * settled.noise_m, float(np.abs(dx).max(initial=0.0))
     record(problem, log, "full", counted.weighted, counted.weighted_rms_m, scale_m, lam.weight, step_rad, x)
-    return replace(settled, x=x, pose=chain.pose(x), still=np.zeros(len(x)))
+    return replace(settled, x=x, pose=chain.pose(x), objective=left, still=np.zeros(len(x)))
 
 
 def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settled:
@@ -197,7 +203,7 @@ def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settl
     stage = Stage("measure", problem.points, (ROBUST_SCALE * noise_m,))
     pairs, weights, _ = on_surface(problem, found.pose, stage, 0)
     found = Descended(found.x, found.pose, pairs, weights, found.converged)
-    return count(problem, found, noise_m, np.zeros(problem.element.segments, dtype=bool), None, settings)
+    return count(problem, found, problem.points, noise_m, np.zeros(problem.element.segments, dtype=bool), None)
 
 
 def _descend(

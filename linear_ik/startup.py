@@ -171,18 +171,18 @@ class Startup:
             if len(taken) == wanted:
                 return
 
-    def turned(self, x: Array, k: int) -> tuple[Array, int]:
-        """Return the variables [6 + 3N] with the next joint that bends, from k (from 0) on, turned, and which that is.
+    def turned(self, x: Array, k: int) -> Array:
+        """Return the variables [6 + 3N], joints from k (from 0) on turned to their points up to the first that bends.
 
-        Joints before it go straight on, and so does what follows.
+        What follows that joint goes straight on: from there on a descent sees for itself.
         """
         x = x.copy()
         x[BASE + 3 * k :] = 0.0
         for j in range(k, self.problem.element.segments):
             x = next(self.searched(Hypothesis(x, 0.0, None, ()), j), x)
             if np.abs(x[BASE + 3 * j : BASE + 3 * j + 3]).max() > BENT_RAD:
-                return x, j
-        return x, self.problem.element.segments
+                break
+        return x
 
     def shifts(self) -> Array:
         """Return the translations [S][3] across the axis that a free base may have."""

@@ -87,7 +87,8 @@ def damped(x: np.ndarray) -> tuple[Objective, Residuals]:
 
 
 def continuous(x: np.ndarray) -> tuple[Objective, Residuals]:
-    return continuity(x, 2.0), lambda at: np.sqrt(2.0) * np.diff(at[BASE:].reshape(-1, 3)[1:], axis=0).ravel()
+    objective = continuity(len(x), 2.0)
+    return objective, lambda at: np.sqrt(2.0) * np.diff((at - x)[BASE:].reshape(-1, 3)[1:], axis=0).ravel()
 
 
 def directional(x: np.ndarray) -> tuple[Objective, Residuals]:
@@ -95,9 +96,9 @@ def directional(x: np.ndarray) -> tuple[Objective, Residuals]:
     u = np.linalg.svd(x[BASE + 3 :].reshape(-1, 3)[:, 1:])[2][0]
 
     def residuals(at: np.ndarray) -> np.ndarray:
-        angles = at[BASE + 3 :].reshape(-1, 3)
-        across = angles[:, 1:] - np.outer(angles[:, 1:] @ u, u)
-        return np.sqrt(5.0) * np.column_stack([angles[:, 0], across]).ravel()
+        turned = (at - x)[BASE + 3 :].reshape(-1, 3)
+        across = turned[:, 1:] - np.outer(turned[:, 1:] @ u, u)
+        return np.sqrt(5.0) * np.column_stack([turned[:, 0], across]).ravel()
 
     return directional_constraint(x, 5.0), residuals
 

@@ -2,7 +2,7 @@
 
 from __future__ import annotations
 
-from collections.abc import Callable, Sequence
+from collections.abc import Sequence
 
 import numpy as np
 import pytest
@@ -24,24 +24,32 @@ def angles(rows: Sequence[Sequence[float]]) -> np.ndarray:
     return np.concatenate([np.zeros(BASE), np.ravel(rows)])
 
 
-def cost(objective: Objective) -> np.ndarray:
-    return np.abs(objective.c).max()
+def cost(objective: Objective, step: np.ndarray) -> float:
+    return float(step @ objective.H @ step / 2)
 
 
-def test_continuity_costs_nothing_where_every_joint_bends_alike() -> None:
-    assert cost(continuity(angles([[0.3, 0.5, -0.2], *[[0.01, 0.02, 0.03]] * 3]), 1.0)) == 0
-    assert cost(continuity(angles([[0, 0, 0], [0, 0.02, 0], [0, 0.05, 0], [0, 0.02, 0]]), 1.0)) > 0.01
+def test_continuity_costs_nothing_where_every_joint_turns_alike() -> None:
+    term = continuity(BASE + 3 * SEGMENTS, 1.0)
+    assert cost(term, angles([[0.3, 0.5, -0.2], *[[0.01, 0.02, 0.03]] * 3])) == pytest.approx(0, abs=1e-15)
+    uneven = angles([[0, 0, 0], [0, 0.02, 0], [0, 0.05, 0], [0, 0.02, 0]])
+    assert cost(term, uneven) == pytest.approx((0.03**2 + 0.03**2) / 2)
 
 
 @pytest.mark.parametrize("direction", [[0.0, 1.0], [1.0, 0.0], [0.6, 0.8]])
-def test_bending_about_one_axis_is_free_whichever_it_is(direction: list[float]) -> None:
+def test_turning_on_about_the_dominant_axis_is_free_whichever_it_is(direction: list[float]) -> None:
     planar = angles([[0.1, 0.3, -0.2], *([0, *(a * np.array(direction))] for a in (0.1, 0.2, -0.05))])
-    assert cost(directional_constraint(planar, 1.0)) < 1e-15
-    twisted, skew = planar.copy(), planar.copy()
-    twisted[BASE + 3] = 0.01
-    assert directional_constraint(twisted, 1.0).c[BASE + 3] == pytest.approx(0.01)
-    skew[BASE + 4 : BASE + 6] += 0.01 * np.array([-direction[1], direction[0]])
-    assert cost(directional_constraint(skew, 1.0)) > 1e-3
+    term = directional_constraint(planar, 1.0)
+    assert cost(term, planar) == pytest.approx(0, abs=1e-15)
+    twist, skew = np.zeros_like(planar), np.zeros_like(planar)
+    twist[BASE + 3] = 0.01
+    assert cost(term, twist) == pytest.approx(0.01**2 / 2)
+    skew[BASE + 4 : BASE + 6] = 0.01 * np.array([-direction[1], direction[0]])
+    assert cost(term, skew) == pytest.approx(0.01**2 / 2)
+
+
+def test_both_only_resist_steps_as_the_right_hand_side_of_equation_4_says() -> None:
+    bent = angles([[0.1, 0.3, -0.2], [0.05, 0.1, 0.0], [0.0, 0.2, -0.1], [0.1, 0.0, 0.1]])
+    assert not continuity(len(bent), 1.0).c.any() and not directional_constraint(bent, 1.0).c.any()
 
 
 def test_a_straight_chain_may_bend_any_way_but_not_twist() -> None:
@@ -49,12 +57,12 @@ def test_a_straight_chain_may_bend_any_way_but_not_twist() -> None:
     assert np.flatnonzero(np.diag(H)).tolist() == list(range(BASE + 3, BASE + 3 * SEGMENTS, 3))
 
 
-@pytest.mark.parametrize("term", [continuity, directional_constraint])
 @pytest.mark.parametrize("segments", [1, 2])
-def test_the_first_joint_is_exempt_and_short_chains_are_chains(term: Callable, segments: int) -> None:
-    objective = term(np.full(BASE + 3 * segments, 0.1), 1.0)
-    assert objective.H.shape == (BASE + 3 * segments,) * 2
-    assert not objective.H[: BASE + 3].any() and not objective.c[: BASE + 3].any()
+def test_the_first_joint_is_exempt_and_short_chains_are_chains(segments: int) -> None:
+    x = np.full(BASE + 3 * segments, 0.1)
+    for objective in (continuity(len(x), 1.0), directional_constraint(x, 1.0)):
+        assert objective.H.shape == (len(x),) * 2
+        assert not objective.H[: BASE + 3].any()
 
 
 # damping ---------------------------------------------------------------------------------

@@ -8,6 +8,8 @@ import numpy as np
 
 from linear_ik.terms.objective import Objective
 
+EASED, HARDENED = 3.0, 4.0  # Marquardt's rule leaves the factors open
+
 
 def damping(n: int, weight: float) -> Objective:
     """Return ``1/2 weight |dx|^2`` over n variables: steps stay short, nothing is biased."""
@@ -18,8 +20,8 @@ def damping(n: int, weight: float) -> Objective:
 class Damping:
     """Relative weight of the damping term, adapted from step to step.
 
-    A step that lowered the cost earns a smaller weight, one that raised it a larger
-    (Marquardt's rule, factors of Nielsen's order of magnitude).
+    A step that lowered the mean cost of a match earns a smaller weight, one that raised it
+    a larger (Marquardt's rule).
     """
 
     weight: float
@@ -28,5 +30,5 @@ class Damping:
 
     def after(self, improved: bool) -> Damping:
         """Return the damping of the next step."""
-        weight = self.weight / 3.0 if improved else self.weight * 4.0
+        weight = self.weight / EASED if improved else self.weight * HARDENED
         return Damping(min(max(weight, self.least), self.most), self.least, self.most)
