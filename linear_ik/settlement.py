@@ -41,6 +41,7 @@ Mask = npt.NDArray[np.bool_]
 
 ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
 NOISE_MISGIVEN = 3.0
+STILL = 0.3  # of the noise: what the step on all points may be left to do
 EVIDENCE_ROUNDS = 12
 MOST_ROUNDS = 5
 MOST_ITERATIONS = 50
@@ -129,7 +130,7 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
             if changed and problem.prior_mean[AXIAL] == 0.0:
                 # What told the slide may have been the foreign segments.
                 problem = problem.held()
-        if not changed and found.converged and prior_move(before, problem, found, objective, noise_m) < noise_m:
+        if not changed and found.converged and prior_move(before, problem, found, objective, noise_m) < STILL * noise_m:
             break  # the step on all points will take the new prior in
         found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, settings, solver, log)
         if not changed:

@@ -51,7 +51,7 @@ def test_the_threshold_opens_at_300_mm_and_shrinks() -> None:
 
 
 def test_it_brings_a_small_bend_to_a_centimetre() -> None:
-    scan = simulate(BEAM, bends=["8:x:9"], points=3_000, noise_m=0.001, seed=1)
+    scan = simulate(BEAM, bends=["8:x:9"], points=10_000, noise_m=0.001, seed=1)
     result = linear_ik.fit(BEAM, scan.without_truth(), PAPER)
     assert np.linalg.norm(result.nodes_m - scan.nodes_m, axis=1).max() < 0.010
     assert {record.phase for record in result.history} == {"icpik"}
