@@ -25,7 +25,8 @@ STOP_M = 0.001  # paper 3.2: largest distance between corresponding points
 MOST_ITERATIONS = 100  # paper 3.2
 THRESHOLD_DECAY = 0.97  # ours: "gradually decreases with iteration count"
 LEAST_THRESHOLD_M = 0.02  # ours: below the spacing of two clouds nothing is left to match
-HALF_WEIGHT_M = 0.02  # ours: distance at which the inverse-distance weight is a quarter
+QUARTER_WEIGHT_M = 0.02  # ours: distance at which the inverse-distance weight is a quarter
+WEIGHT_EXPONENT = 2  # ours: "non-linearly"
 MODEL_POINTS = 10_000  # ours: as many as the simulated scans have
 
 
@@ -59,7 +60,7 @@ def icpik(problem: Problem, settings: FitSettings, solver: Solver, log: Log) -> 
 
 def inverse_distance(pairs: CloudPairs) -> Array:
     """Return weights [P] that emphasise closer points, non-linearly: ``(h / (h + d))^2``."""
-    return np.asarray((HALF_WEIGHT_M / (HALF_WEIGHT_M + pairs.distance_m)) ** 2)
+    return np.asarray((QUARTER_WEIGHT_M / (QUARTER_WEIGHT_M + pairs.distance_m)) ** WEIGHT_EXPONENT)
 
 
 def segment_weights(pairs: CloudPairs) -> Array:

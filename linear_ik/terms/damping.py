@@ -8,6 +8,9 @@ import numpy as np
 
 from linear_ik.terms.objective import Objective
 
+EASED = 3.0  # ours: what a step that lowered the cost divides the weight by
+HARDENED = 4.0  # ours: what one that raised it multiplies the weight by
+
 
 def damping(n: int, weight: float) -> Objective:
     """Return ``1/2 weight |dx|^2`` over n variables: steps stay short, nothing is biased."""
@@ -28,5 +31,5 @@ class Damping:
 
     def after(self, improved: bool) -> Damping:
         """Return the damping of the next step."""
-        weight = self.weight / 3.0 if improved else self.weight * 4.0
+        weight = self.weight / EASED if improved else self.weight * HARDENED
         return Damping(min(max(weight, self.least), self.most), self.least, self.most)
