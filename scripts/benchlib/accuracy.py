@@ -106,9 +106,9 @@ def main(arguments: list[str] | None = None) -> int:
             text = (options.out / f"{name}.md").read_text(encoding="utf-8")
             fill_in(document, f"bench_accuracy {name}", text)
     print("\n".join(str(path) for path in written))
-    return gate.finish(
-        "bench_accuracy", "quick" if options.quick else "full", metrics(rows, maps, by_place, violations), options
-    )
+    mode = "quick" if options.quick else "full"
+    made_with = {"points": plan.points, "seeds": plan.case_seeds, "map seeds": plan.map_seeds, "thin": plan.thin}
+    return gate.finish("bench_accuracy", mode, metrics(rows, maps, by_place, violations), options, made_with)
 
 
 def metrics(

@@ -59,7 +59,8 @@ def main(arguments: list[str] | None = None) -> int:
         written += draw(ROOT / "docs" / "figures", compared, points, options.seed)
         fill_in(ROOT / "docs" / "method.md", "bench_paper", written[0].read_text(encoding="utf-8"))
     print("\n".join(str(path) for path in written))
-    return gate.finish("bench_paper", "quick" if options.quick else "full", metrics(compared), options)
+    mode = "quick" if options.quick else "full"
+    return gate.finish("bench_paper", mode, metrics(compared), options, {"points": points, "seed": options.seed})
 
 
 def compare(case: Case, seed: int, points: int, most_iterations: int, repeats: int) -> Compared:
