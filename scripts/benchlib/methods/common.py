@@ -74,7 +74,7 @@ def errors_mm(task: Task, found: Found) -> dict[str, float]:
     scene = o3d.t.geometry.RaycastingScene()
     vertices, triangles = found.surface()
     scene.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(triangles))
-    points = task.points[:: max(1, len(task.points) // 20_000)]
+    points = points[:: max(1, len(points) // 20_000)]
     distance = scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy()
     node = np.linalg.norm(found.nodes_m - task.nodes_m, axis=1)
     return {
