@@ -133,29 +133,25 @@ def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver
     """
     stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, PLAIN_ITERATIONS, 1e-3)
     found = descend(problem, problem.straight, stage, settings, solver, log)
-    sure = believed(problem, found)
+    known = explained(problem, found)
     # With the first segment in doubt nothing says where to turn.
-    while settings.search == "auto" and sure[0] and not sure.all():
+    while settings.search == "auto" and known[0] and not known.all():
         startup = Startup(problem, points, noise_of(found.pairs), settings, solver, log)
-        other = descend(problem, startup.turned(found.x, int(sure.argmin())), stage, settings, solver, log)
-        then = believed(problem, other)
-        if not then.all() and then.argmin() <= sure.argmin():
+        other = descend(problem, startup.turned(found.x, int(known.argmin())), stage, settings, solver, log)
+        then = explained(problem, other)
+        if not then.all() and then.argmin() <= known.argmin():
             break
-        found, sure = other, then
-    if sure.all():
-        return found, True
+        found, known = other, then
+    if known.all():
+        return found, seen_around(problem, found)
     noise_m = settings.range_noise_m or noise_of(found.pairs)
     stage = Stage("coarse", points, (ROBUST_SCALE * noise_m,), noise_m, 3, 1e-4)
     found = descend(problem, found.x, stage, settings, solver, log)
-    return found, bool(believed(problem, found).all())
+    return found, bool(explained(problem, found).all()) and seen_around(problem, found)
 
 
-def believed(problem: Problem, found: Descended) -> Mask:
-    """Return which segments [N] of a plain fit of a coarse cloud can only be right.
-
-    Nearly every point there is explained, and the segment is seen from all four sides:
-    with a side missing, the opposite face explains the points as well.
-    """
+def explained(problem: Problem, found: Descended) -> Mask:
+    """Return the segments [N] on whose surface nearly every point around them lies, in a plain fit."""
     noise_m = noise_of(found.pairs)
     n = problem.element.segments
     if noise_m > PLAIN_NOISE_M:
@@ -163,12 +159,21 @@ def believed(problem: Problem, found: Descended) -> Mask:
     segment = found.pairs.segment
     count = np.bincount(segment, minlength=n)
     near = np.bincount(segment[found.pairs.distance_m < 4.5 * noise_m], minlength=n)
-    side = quadrants(found.pairs.gradient)
-    seen = np.bincount(4 * segment + side, minlength=4 * n).reshape(n, 4)
+    return np.asarray((count >= LEAST_POINTS) & (near >= 0.95 * count))
+
+
+def seen_around(problem: Problem, found: Descended) -> bool:
+    """Whether the points show all four sides of every segment, as a complete cloud would but for chance.
+
+    With a side missing, the opposite face may have taken its place.
+    """
+    n = problem.element.segments
+    segment = found.pairs.segment
+    count = np.bincount(segment, minlength=n)
+    seen = np.bincount(4 * segment + quadrants(found.pairs.gradient), minlength=4 * n).reshape(n, 4)
     share = np.bincount(quadrants(problem.surface.normals), problem.surface.widths_m, minlength=4)
     expected = share / share.sum() * count[:, None]
-    around = (seen >= np.minimum(0.25 * expected, expected - 3.0 * np.sqrt(expected))).all(axis=1)
-    return np.asarray((count >= 12) & (near >= 0.95 * count) & around)
+    return bool((seen >= np.minimum(0.25 * expected, expected - 3.0 * np.sqrt(expected))).all())
 
 
 def searched(

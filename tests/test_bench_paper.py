@@ -289,6 +289,16 @@ def test_efficiency_is_of_root_mean_squares() -> None:
     assert "1b (3.54)" in notes and "1b (0.80 mm)" in notes
 
 
+def test_interval_holds_the_ratio_and_closes_with_the_seeds() -> None:
+    rng = np.random.default_rng(1)
+    errors, bounds = np.abs(rng.normal(1.0, 0.3, 400)), np.full(400, 0.5)
+    wide, narrow = (accuracy.interval(errors[:n], bounds[:n]) for n in (12, 400))
+    ratio = accuracy.root_mean_square(errors) / 0.5
+    assert narrow[0] < ratio < narrow[1] and narrow[1] - narrow[0] < 0.5 * (wide[1] - wide[0])
+    (told,) = accuracy.brief([accuracy.efficiency_row("1b", "default", [outcome(1), outcome(2)])])
+    assert told["nodes / bound"] == "2.00 (2.00 to 2.00)" and not any("time" in key for key in told)
+
+
 def test_outcomes_are_kept_by_scene_method_and_seed(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
     asked: list[int] = []
 
@@ -306,7 +316,29 @@ def test_outcomes_are_kept_by_scene_method_and_seed(tmp_path: Path, monkeypatch:
     assert asked == [1, 2, 3, 3] and [o.seed for o in found[cell]] == [1, 2, 3]
     others = [replace(cell, method="icpik"), replace(cell, scene=Scene(1.0)), replace(cell, points=5)]
     assert len({c.key(1) for c in (cell, *others)} | {cell.key(2)}) == 5
-    assert cells.fingerprint() != cells.fingerprint(("variants.py",))
+    before = cells.fingerprint()
+    assert before != cells.fingerprint(("variants.py",))
+    assert {"numpy", "osqp", "pin"} <= set(cells.versions())
+    monkeypatch.setattr(cells, "versions", lambda: {"numpy": "0.1"})
+    assert before != cells.fingerprint()
+
+
+def test_the_models_cloud_is_as_large_as_the_scan_for_one_fit_only(monkeypatch: pytest.MonkeyPatch) -> None:
+    from linear_ik import icpik
+
+    seen: list[int] = []
+    own = icpik.ModelCloud
+
+    def noted(surface: object, lengths: object, points: int, seed: int) -> object:
+        seen.append(points)
+        return own(surface, lengths, points, seed)  # type: ignore[arg-type]
+
+    monkeypatch.setattr(icpik, "ModelCloud", noted)
+    monkeypatch.setattr(icpik, "MOST_ITERATIONS", 1)
+    before = icpik.MODEL_POINTS
+    cells.run_one((Cell("icpik", (1,), Scene(0.0, points=300)), 1))
+    cells.run_one((Cell("model points 3000", (1,), Scene(0.0, points=300)), 1))
+    assert seen == [300, 3000] and before == icpik.MODEL_POINTS
 
 
 # Variants -------------------------------------------------------------------------------
@@ -321,6 +353,64 @@ def test_variants_change_what_exists() -> None:
         if isinstance(variant.run, variants.Changed):
             with patched(*variant.run.changes):
                 pass
+
+
+def test_variants_of_icpik_say_what_is_ours_and_are_known_by_what_does_not_change() -> None:
+    from linear_ik import icpik
+
+    titles = {v.name: v.title for v in variants.icpik_variants()}
+    weights = FitSettings(method="icpik").weights
+    assert titles["Q 0.1"] == f"Q 0.1 (ours {weights.continuity:g})"
+    assert titles["largest step, rad 0.1"].endswith(f"(ours {FitSettings().max_step_rad:g})")
+    with patched((icpik, "MODEL_POINTS", 77)):
+        assert [v.name for v in variants.icpik_variants()] == list(titles)
+    asked = (
+        "exponent",
+        "segment weight by",
+        "damping eased",
+        "damping hardened",
+        "floor",
+        "largest step",
+        "twist",
+        "seed",
+    )
+    assert all(any(word in name for name in titles) for word in asked)
+    assert min(g.seeds for g in ablation.groups(quick=False)) >= 5
+
+
+def test_variants_of_the_terms_are_what_they_say() -> None:
+    from linear_ik import descent
+    from linear_ik.chain import BASE
+    from linear_ik.problem import Problem
+    from linear_ik.terms import Objective
+
+    case = named("1a")
+    problem = Problem.of(case.element, case.scan(1, 500))
+    x = problem.straight.copy()
+    x[BASE:] = np.random.default_rng(0).uniform(-0.1, 0.1, len(x) - BASE)
+    pose, points = problem.chain.pose(x), Objective(np.eye(len(x)), np.zeros(len(x)))
+    settings = FitSettings(method="icpik", continuity=0.5, directional=0.0)
+    given = (problem, x, pose, points, 0.0, settings)
+    pulling = variants.pulling_angles(descent.other_terms)(*given)
+    angles = x[BASE + 3 :].reshape(-1, 3)
+    bent = np.diff(angles, axis=0)
+    assert x @ pulling.H @ x == pytest.approx(0.5 * np.sum(bent**2))
+    np.testing.assert_allclose(pulling.c, pulling.H @ x, atol=1e-12)
+    twist = np.zeros(len(x))
+    twist[BASE::3] = 1.0
+    assert twist @ variants.bends_only(x, 1.0).H @ twist == 0.0
+    damping = variants.bounded_damping(least=1e-3)(2e-3)
+    assert damping.after(True).after(True).weight == 1e-3 and damping.most == 1e3
+
+
+def test_points_out_of_reach_are_refused_by_the_gate_on_normals() -> None:
+    from linear_ik.problem import Problem
+
+    case = named("1a")
+    scan = case.scan(1, 300)
+    far = replace(scan, points=scan.points + np.where(np.arange(300) < 5, 50.0, 0.0)[:, None])
+    with pytest.raises(ValueError, match="beyond the element's reach"):
+        pairings.gated(Problem.of(case.element, far), far)
 
 
 @pytest.mark.parametrize(

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import argparse
 import json
 import math
 import os
@@ -16,13 +15,12 @@ import pytest
 ROOT = Path(__file__).parent.parent
 sys.path.insert(0, str(ROOT / "scripts"))
 
-from benchlib import gate, peers, qp_steps, scaling, timing  # noqa: E402
-from benchlib.gate import Metric  # noqa: E402
+from benchlib import peers, peers_table, qp_steps, scaling, timing  # noqa: E402
 from benchlib.methods import chain_peers, registry, slicing  # noqa: E402
 from benchlib.methods.common import Template, errors_mm, regressed_nodes  # noqa: E402
-from benchlib.methods.rigid import moved  # noqa: E402
-from benchlib.peer_job import task  # noqa: E402
-from benchlib.peers import Runs  # noqa: E402
+from benchlib.methods.rigid import model_cloud, moved, rigid_icp  # noqa: E402
+from benchlib.peer_clouds import CLOUDS, HALF, WALL, task, task_of  # noqa: E402
+from benchlib.peers_table import Runs  # noqa: E402
 from benchlib.stages import STAGES, StageClock, stage_of  # noqa: E402
 
 from linear_ik import Chain  # noqa: E402
@@ -53,19 +51,24 @@ def test_help(module: str) -> None:
     assert all(word in done.stdout for word in ("--quick", "--out", "--gate", "--rounds"))
 
 
-def test_peers_writes_its_table_and_gates(tmp_path: Path) -> None:
+def test_peers_writes_its_tables_and_a_baseline(tmp_path: Path) -> None:
     baseline = tmp_path / "baseline.json"
-    arguments = ("--quick", "--only", "default,slicing", "--out", tmp_path, "--baseline", baseline)
-    done = bench("peers", *arguments, "--update-baseline")
+    arguments = ("--quick", "--only", "default,slicing", "--clouds", "moderate,wall", "--out", tmp_path)
+    done = bench("peers", *arguments, "--baseline", baseline, "--update-baseline")
     assert done.returncode == 0, done.stderr
-    rows = json.loads((tmp_path / "peers.json").read_text())["rows"]
+    rows = json.loads((tmp_path / "peers_moderate.json").read_text())["rows"]
     ours, sliced = rows
     assert ours["time / ours"] == ours["nodes / ours"] == 1.0
-    assert ours["nodes rms mm"] < 1.0 < sliced["nodes rms mm"] < 20.0
-    assert "No peer is better" in (tmp_path / "peers.md").read_text()
-    assert (tmp_path / "peers.csv").read_text().count("\n") == 3
-    entries = json.loads(baseline.read_text())["bench_peers"]["quick"]
-    assert entries["default: nodes rms mm"]["value"] == pytest.approx(ours["nodes rms mm"], rel=1e-4)
+    assert ours["nodes rms mm"] < 1.0 < sliced["nodes rms mm"] < 60.0
+    assert "No peer is better" in (tmp_path / "peers_moderate.md").read_text()
+    assert (tmp_path / "peers_moderate.csv").read_text().count("\n") == 3
+    searched = json.loads((tmp_path / "peers_wall.json").read_text())["rows"]
+    # The wall's points are not the element's.
+    assert searched[0]["surface rms mm"] < 2.0
+    assert searched[0]["iterations"] > 2 * ours["iterations"]
+    figures = json.loads(baseline.read_text())["bench_peers"]["quick"]["figures"]
+    assert figures["moderate: nodes rms mm"]["value"] == pytest.approx(ours["nodes rms mm"], rel=1e-4)
+    assert figures["moderate: iterations"]["target"] == 10.0 and figures["wall: iterations"]["target"] is None
 
 
 def test_scaling_writes_its_tables_and_pictures(tmp_path: Path) -> None:
@@ -87,6 +90,7 @@ def test_scaling_writes_its_tables_and_pictures(tmp_path: Path) -> None:
     [
         ("peers", ("--only", "default,nobody"), "nobody"),
         ("peers", ("--rounds", "0"), "--rounds"),
+        ("peers", ("--clouds", "cumulus"), "cumulus"),
         ("scaling", ("--most-points", "3"), "--most-points"),
     ],
 )
@@ -99,56 +103,21 @@ def test_a_wrong_argument_is_said(
     assert word in capsys.readouterr().err
 
 
-# The gate -------------------------------------------------------------------------------
-
-
-def gated(tmp_path: Path, *metrics: Metric, update: bool = False) -> int:
-    parser = argparse.ArgumentParser()
-    gate.add_arguments(parser)
-    action = "--update-baseline" if update else "--gate"
-    return gate.finish("b", "quick", metrics, parser.parse_args([action, "--baseline", str(tmp_path / "b.json")]))
-
-
-@pytest.mark.parametrize(
-    ("value", "better", "code"),
-    [(1.19, "lower", 0), (1.21, "lower", 1), (0.1, "lower", 0), (0.81, "higher", 0), (0.79, "higher", 1)],
-)
-def test_gate_allows_the_stated_noise(tmp_path: Path, value: float, better: gate.Better, code: int) -> None:
-    gated(tmp_path, Metric("m", 1.0, 0.2, better), update=True)
-    assert gated(tmp_path, Metric("m", value, 0.2, better)) == code
-
-
-def test_gate_takes_the_noise_of_the_baseline(tmp_path: Path) -> None:
-    gated(tmp_path, Metric("m", 1.0, 0.1), update=True)
-    assert gated(tmp_path, Metric("m", 1.5, 9.0)) == 1
-
-
-def test_gate_is_closed_without_a_baseline_or_a_figure(tmp_path: Path) -> None:
-    assert gated(tmp_path, Metric("m", 1.0, 0.1)) == 1
-    gated(tmp_path, Metric("m", 1.0, 0.1), update=True)
-    assert gated(tmp_path, Metric("other", 1.0, 0.1)) == 1
-    assert gated(tmp_path, Metric("m", math.nan, 0.1)) == 1
-    assert gated(tmp_path, Metric("m", 1.0, 0.1), Metric("new", 5.0, 0.1)) == 0
-
-
-def test_baseline_keeps_other_benchmarks(tmp_path: Path) -> None:
-    path = tmp_path / "b.json"
-    gate.update("a", "full", [Metric("m", 1.0, 0.1)], path)
-    gate.update("b", "full", [Metric("m", 2.0, 0.1, target=3.0)], path)
-    whole = gate.read(path)
-    assert whole["a"]["full"]["m"]["value"] == 1.0
-    assert whole["b"]["full"]["m"] == {"value": 2.0, "noise": 0.1, "better": "lower", "target": 3.0}
-    with pytest.raises(ValueError, match="not measured"):
-        gate.update("a", "full", [Metric("m", math.nan, 0.1)], path)
-
-
 # The table ------------------------------------------------------------------------------
 
 
 def runs(name: str, times: list[float], nodes: list[float], rounds: list[int] | None = None) -> Runs:
     (method,) = registry.named([name])
     answers = [
-        {"time_s": t, "node_rms_mm": n, "tip_mm": n, "surface_rms_mm": 1.0, "peak_mb": 2.0, "iterations": None}
+        {
+            "time_s": t,
+            "core_s": t / 2,
+            "node_rms_mm": n,
+            "tip_mm": n,
+            "surface_rms_mm": 1.0,
+            "peak_mb": 2.0,
+            "iterations": None,
+        }
         for t, n in zip(times, nodes, strict=True)
     ]
     return Runs(method, list(range(len(times))) if rounds is None else rounds, answers)
@@ -160,7 +129,7 @@ def test_ratios_are_taken_within_a_round() -> None:
     late = runs("pycpd", [500.0], [9.0], rounds=[2])
     assert peer.time_ratio(ours) == 2.0
     assert late.time_ratio(ours) == 5.0
-    rows = peers.rows_of([ours, peer, late])
+    rows = peers_table.rows_of([ours, peer, late])
     assert [r["nodes / ours"] for r in rows] == pytest.approx([1.0, 3.0, 9.0])
     assert math.isnan(rows[0]["iterations"])
 
@@ -168,22 +137,42 @@ def test_ratios_are_taken_within_a_round() -> None:
 def test_a_peer_better_on_both_is_named() -> None:
     ours = runs("default", [1.0, 1.0], [1.0, 3.0])
     faster, exacter = runs("slicing", [0.5, 0.5], [2.5, 2.5]), runs("open3d_icp", [2.0, 2.0], [0.5, 0.5])
-    assert peers.better_on_both([ours, faster, exacter]) == []
+    assert peers_table.better_on_both([ours, faster, exacter]) == []
     both = runs("rustcpd", [0.5, 0.5], [0.5, 0.5])
     # Round 1 was hard for ours: a peer that ran in it alone is measured against that round.
     hard = runs("pycpd", [0.5], [2.9], rounds=[1])
     variant = runs("default_daqp", [0.5, 0.5], [0.5, 0.5])
-    assert peers.better_on_both([ours, both, hard, variant]) == [both, hard]
-    assert "BETTER THAN OURS" in peers.verdicts([ours, both])[0]
+    assert peers_table.better_on_both([ours, both, hard, variant]) == [both, hard]
+    assert "BETTER THAN OURS" in peers_table.verdicts([ours, both], CLOUDS[0])[0]
+
+
+def test_the_headline_says_where_no_search_is_needed() -> None:
+    ours, icp = runs("default", [1.0, 1.0], [1.0, 1.0]), runs("open3d_icp", [4.0, 4.0], [9.0, 9.0])
+    plain, half, _ = CLOUDS
+    assert peers_table.headline([ours, icp], plain) == [
+        "Time of the default where no search is needed (22.5° at segment 8): 0.250 x rigid ICP with its normals "
+        "(0.500 x without their time)."
+    ]
+    assert "where it must search" in peers_table.headline([ours, icp], half)[0]
+    names = {m.name: m for m in peers_table.peer_metrics([ours, icp], plain)}
+    assert names["moderate: time, default / Open3D ICP, rigid"].target == 0.25
+    searched = peers_table.peer_metrics([ours, icp], half)
+    assert all(m.target is None for m in searched if "time, " in m.name)
+
+
+def test_a_late_import_is_said() -> None:
+    ours = runs("default", [1.0], [1.0])
+    ours.answers[0]["late_imports"] = ["heavy"]
+    assert "heavy" in peers_table.verdicts([ours], CLOUDS[0])[-1]
 
 
 def test_a_method_that_is_not_installed_is_a_row(monkeypatch: pytest.MonkeyPatch) -> None:
     method = registry.Method("x", "X", "no:thing", "-", "no_such_distribution", ("no_such_distribution",))
-    (run,) = peers.run_all([method], peers.QUICK, 1, {})
+    (run,) = peers.run_all([method], CLOUDS[0], peers.QUICK, {})
     assert run.remark == "not installed: pip install no_such_distribution"
-    (row,) = peers.rows_of([run])
+    (row,) = peers_table.rows_of([run])
     assert math.isnan(row["time s"]) and row["remark"] == run.remark
-    (run,) = peers.run_all([method], peers.QUICK, 1, {"x": "no compiler"})
+    (run,) = peers.run_all([method], CLOUDS[0], peers.QUICK, {"x": "no compiler"})
     assert run.remark == "not installed: no compiler"
 
 
@@ -223,6 +212,24 @@ def test_regressed_nodes_of_a_bent_template_are_the_truth() -> None:
     local = inside - np.outer(k, [0, 0, 0.25])
     bent = np.einsum("pij,pj->pi", poses[k][:, :3, :3], local) + poses[k][:, :3, 3]
     np.testing.assert_allclose(regressed_nodes(wanted.element, inside, bent), chain.nodes(q), atol=1e-9)
+
+
+def test_clouds_are_the_papers_beam_bent_about_x() -> None:
+    wanted = task(300, 1)
+    assert np.abs(wanted.nodes_m[:, 0]).max() < 1e-12 < 0.1 < np.abs(wanted.nodes_m[-1, 1])
+    half, wall = task_of(HALF, 300, 1), task_of(WALL, 300, 1)
+    np.testing.assert_allclose(half.nodes_m, wanted.nodes_m, atol=1e-12)
+    assert wall.on_element is not None and wall.on_element.sum() == 210 and len(wall.points) == 300
+
+
+def test_rigid_icp_brings_the_model_to_the_scan() -> None:
+    wanted = task(3000, 1)
+    model = model_cloud(wanted.element, 3000)
+    T = np.eye(4)
+    T[:3, 3] = [0.02, -0.01, 0.0]
+    found, seconds = rigid_icp(model, model + T[:3, 3])
+    np.testing.assert_allclose(found[:2, 3], T[:2, 3], atol=2e-3)
+    assert seconds > 0.0
 
 
 def test_errors_of_the_straight_element() -> None:
@@ -299,6 +306,8 @@ def test_every_stage_is_one_of_the_package() -> None:
     assert stage_of("linear_ik.terms.prior") == "assembly"
     assert stage_of("linear_ik.ik_step") == "QP"
     assert stage_of("linear_ik.viewer") is None
+    fitting = ("doubts", "icpik", "fit", "scan", "tally", "repair")
+    assert all(stage_of(f"linear_ik.{name}") in STAGES for name in fitting)
 
 
 # The bare steps ---------------------------------------------------------------------------

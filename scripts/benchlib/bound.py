@@ -5,8 +5,10 @@ with the noise s of the scan across the face and nothing along it. So with a = [
 
     H = 1/s^2 sum_k J_k' (sum a a') J_k,    C = H^-1,    cov(node) = A C A'
 
-with J_k and A the chain's Jacobians at the true angles, written here without the code
-of the fit. The truth's normals and segments are known: this bound is for a method that
+with J_k and A the chain's Jacobians at the true angles. The kinematics are the fit's own
+(`linear_ik.chain`, whose Jacobians tests/test_chain.py checks by finite differences); the
+information is added up here from the simulator's points, normals and segments, without
+the fit's matches, terms or weights. Those are the truth's: the bound is for a method that
 makes no wrong match.
 """
 

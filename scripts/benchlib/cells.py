@@ -9,8 +9,10 @@ import os
 import sys
 import time
 from collections.abc import Iterable, Sequence
+from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
+from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
 from typing import Any, get_args
 
@@ -18,9 +20,13 @@ import numpy as np
 
 from benchlib.bound import cramer_rao
 from benchlib.cases import NOISE_M, POINTS, named
-from benchlib.runs import warm_up
+from benchlib.runs import patched, warm_up
 from benchlib.scenes import Scene
 
+# What figures may differ by from release to release though no line of ours changed.
+PACKAGES = ("numpy", "scipy", "open3d-cpu", "open3d", "osqp", "qpsolvers", "pin")
+# One thread each: workers would otherwise get in each other's way, and sums be added up in another order.
+ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 # What no fit depends on: files, formats and screens.
 ROOMS_ABOVE = ("cli", "exports", "readers", "viewer", "viewer_page", "example", "__main__", "report", "batch")
 
@@ -35,7 +41,8 @@ class Outcome:
         max_mm, rms_mm, tip_mm: node errors: the worst, the root mean square, the last.
         bound_max_mm, bound_rms_mm, bound_tip_mm: the Cramer-Rao bound of the same.
         observable: whether the scan shows every bend.
-        time_s: wall time of the fit.
+        time_s: wall time of the fit, beside whatever the other workers did: not to be
+            compared between methods; `bench_peers` is for that.
         iterations: of the fit.
     """
 
@@ -120,37 +127,39 @@ def _results(jobs: list[tuple[Cell, int]], workers: int) -> Iterable[tuple[Cell,
     if workers <= 1 or len(jobs) <= 1:
         yield from map(run_one, jobs)
         return
-    # One thread a process: two processes with a pool of BLAS threads each get in each other's way.
-    os.environ.update(OMP_NUM_THREADS="1", OPENBLAS_NUM_THREADS="1")
+    os.environ.update(ONE_THREAD)
     with multiprocessing.get_context("spawn").Pool(workers) as pool:
         yield from pool.imap_unordered(run_one, jobs, chunksize=1)
 
 
 def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
     """Run one seed of a cell."""
-    import linear_ik.icpik
-    from linear_ik import FitSettings, fit
+    from linear_ik import FitSettings, fit, icpik
     from linear_ik.settings import Method
 
     cell, seed = job
     if cell.scene is not None:
-        element, scan, noise_m = cell.scene.element, cell.scene.scan(seed), cell.scene.noise_m
-        linear_ik.icpik.MODEL_POINTS = cell.scene.points
+        element, scan, noise_m, points = (
+            cell.scene.element,
+            cell.scene.scan(seed),
+            cell.scene.noise_m,
+            cell.scene.points,
+        )
     else:
         case = named(cell.case)
-        element, scan, noise_m = case.element, case.scan(seed, cell.points), NOISE_M
-        linear_ik.icpik.MODEL_POINTS = cell.points
+        element, scan, noise_m, points = case.element, case.scan(seed, cell.points), NOISE_M, cell.points
     bound = cramer_rao(element, scan, noise_m)
     _warm_up()
-    if cell.method in get_args(Method):
-        started = time.perf_counter()
-        result = fit(element, scan.without_truth(), FitSettings(method=cell.method))  # type: ignore[arg-type]
-        nodes, status, iterations = result.nodes_m, result.status, result.iterations
-        time_s = time.perf_counter() - started
-    else:
-        from benchlib.variants import all_variants
+    with patched((icpik, "MODEL_POINTS", points)):
+        if cell.method in get_args(Method):
+            started = time.perf_counter()
+            result = fit(element, scan.without_truth(), FitSettings(method=cell.method))  # type: ignore[arg-type]
+            nodes, status, iterations = result.nodes_m, result.status, result.iterations
+            time_s = time.perf_counter() - started
+        else:
+            from benchlib.variants import all_variants
 
-        nodes, status, iterations, time_s = all_variants()[cell.method].run(element, scan)
+            nodes, status, iterations, time_s = all_variants()[cell.method].run(element, scan)
     errors = 1e3 * np.linalg.norm(nodes - scan.nodes_m, axis=1)
     outcome = Outcome(
         seed,
@@ -176,8 +185,9 @@ def _warm_up() -> None:
 
 
 def fingerprint(code: Sequence[str] = ()) -> str:
-    """Return a hash of the code that the outcomes depend on: the fit, and the scenes."""
+    """Return a hash of what the outcomes depend on: the fit, its URDF templates, the scenes, and the packages below."""
     import linear_ik
+    from linear_ik import urdf
 
     package = Path(str(linear_ik.__file__)).parent
     here = Path(__file__).parent
@@ -185,10 +195,21 @@ def fingerprint(code: Sequence[str] = ()) -> str:
         p for p in sorted(package.rglob("*.py")) if p.relative_to(package).parts[0].split(".")[0] not in ROOMS_ABOVE
     ]
     sources += [here / name for name in ("cells.py", "scenes.py", "cases.py", "bound.py", *code)]
+    sources += sorted(p for p in urdf.template_folder().rglob("*") if p.is_file())
     total = hashlib.sha256()
     for path in sources:
         total.update(path.read_bytes())
+    total.update(json.dumps(versions()).encode())
     return total.hexdigest()[:16]
+
+
+def versions() -> dict[str, str]:
+    """Return the versions of `PACKAGES`, as far as they are installed."""
+    found = {}
+    for package in PACKAGES:
+        with suppress(PackageNotFoundError):
+            found[package] = version(package)
+    return found
 
 
 def as_mapping(cell: Cell, outcomes: Sequence[Outcome]) -> dict[str, Any]:

@@ -14,7 +14,7 @@ import numpy.typing as npt
 
 from linear_ik import SimulatedScan
 from linear_ik.chain import Pose
-from linear_ik.cloud_pairs import CloudPairs
+from linear_ik.cloud_pairs import CloudPairs, ModelCloud
 from linear_ik.correspondence import Correspondences
 from linear_ik.descent import Paired, Pairing, Stage, on_surface, robust_weights
 from linear_ik.problem import Problem
@@ -52,11 +52,16 @@ def annealed(problem: Problem, scan: SimulatedScan) -> Pairing:
 
 
 def gated(problem: Problem, scan: SimulatedScan) -> Pairing:
-    """Nearest face, but only where its normal is within 60 degrees of the point's true one."""
+    """Nearest face, but only where its normal is within 60 degrees of the point's true one.
+
+    Raises:
+        ValueError: the problem left out points, so that the normals are not those of its points.
+    """
     T = problem.element.placement.T_world_element
     points = (scan.points - T[:3, 3]) @ T[:3, :3]
-    # The problem leaves out points beyond the element's reach; these scans have none.
-    assert len(points) == len(problem.points)
+    # The problem leaves out points beyond the element's reach; the ablation's scans have none.
+    if len(points) != len(problem.points):
+        raise ValueError(f"{len(points) - len(problem.points)} points beyond the element's reach: expected none")
     normals = scan.surface_normals @ T[:3, :3]
 
     def pair(problem: Problem, pose: Pose, stage: Stage, i: int) -> Paired:
@@ -139,28 +144,18 @@ def geometric_features(problem: Problem, scan: SimulatedScan) -> Pairing:
     return pair
 
 
-class ModelSamples:
-    """Points of the model's faces with their normals, sorted by segment."""
+class ModelSamples(ModelCloud):
+    """The paper's cloud on the model, with the face and the normal of each of its points."""
 
     def __init__(self, problem: Problem) -> None:
-        """Spread 10,000 of them evenly."""
-        rng = np.random.default_rng(0)
-        faces, n = problem.surface, problem.element.segments
-        each = MODEL_POINTS // n
-        self.edge = rng.choice(len(faces.widths_m), n * each, p=faces.widths_m / faces.widths_m.sum())
-        xy = (
-            faces.corners[self.edge]
-            + (rng.random(n * each) * faces.widths_m[self.edge])[:, None] * (faces.tangents[self.edge])
-        )
-        self.segment = np.repeat(np.arange(n), each)
-        self.starts = np.arange(n + 1) * each
-        self.local = np.column_stack([xy, rng.random(n * each) * problem.element.segment_length_m])
-        self.normals = faces.normals[self.edge]
-
-    def at(self, pose: Pose) -> Array:
-        """Return them on the bent chain [M][3]."""
-        turned = np.einsum("pij,pj->pi", pose.rotations[self.segment], self.local)
-        return np.asarray(turned + pose.nodes_m[self.segment])
+        """Spread `MODEL_POINTS` of them evenly."""
+        super().__init__(problem.surface, problem.chain.segment_length_m, MODEL_POINTS, 0)
+        n = problem.element.segments
+        self.starts = np.searchsorted(self.segment, np.arange(n + 1))
+        straight = problem.chain.pose(problem.straight)
+        pairs = problem.matcher.match(straight, self.at(straight))
+        self.edge, self.normals = np.empty_like(pairs.face), np.empty_like(pairs.gradient)
+        self.edge[pairs.order], self.normals[pairs.order] = pairs.face, pairs.gradient
 
 
 def settled_weights(distance_m: Array, noise_m: float, i: int) -> Array:

@@ -22,15 +22,18 @@ from typing import Any
 import numpy as np
 
 from benchlib import gate
-from benchlib.gate import Metric
+from benchlib.gate import Metric, repeated
 from benchlib.methods.registry import ICP, LEAST_SQUARES
-from benchlib.reports import write_table
+from benchlib.reports import fill_in, write_table
+from benchlib.scaling_job import WITHOUT_NORMALS
 from benchlib.timing import JobError, load, run_job, say
 
+ROOT = Path(__file__).parent.parent.parent
 JOB = "benchlib.scaling_job"
 RAYCASTING = "raycasting"
 TITLES = {
-    ICP: "rigid ICP, normals included",
+    ICP: "rigid ICP with its normals",
+    ICP + WITHOUT_NORMALS: "rigid ICP without the time of its normals",
     LEAST_SQUARES: "scipy least_squares",
     RAYCASTING: "one raycasting pass",
 }
@@ -95,10 +98,11 @@ PLANS = {p.mode: p for p in (FULL, QUICK, TINY)}
 def main(arguments: Sequence[str] | None = None) -> int:
     """Run the sizes and the comparisons, write tables and pictures; 1 where the gate is asked for and closed."""
     parser = argparse.ArgumentParser(prog="bench_scaling", description=(__doc__ or "").split("\n\n")[0])
-    parser.add_argument("-o", "--out", type=Path, default=Path("bench_output"), help="folder (./bench_output)")
+    parser.add_argument("-o", "--out", type=Path, default=ROOT / "bench_output" / "scaling", help="folder")
     size = parser.add_mutually_exclusive_group()
     size.add_argument("--quick", action="store_const", dest="plan", const=QUICK, help="to 100 k points, 20 segments")
     size.add_argument("--tiny", action="store_const", dest="plan", const=TINY, help="whether it runs at all")
+    parser.add_argument("--docs", action="store_true", help="renew docs/figures and docs/benchmarks.md too")
     parser.add_argument("--most-points", type=int, default=10**9, help="leave out larger clouds")
     parser.add_argument("--rounds", type=int, help=f"runs of each size, the fastest counts ({FULL.rounds})")
     gate.add_arguments(parser)
@@ -127,10 +131,17 @@ def main(arguments: Sequence[str] | None = None) -> int:
     )
     from benchlib.scaling_plots import draw
 
-    written += draw(options.out, by_points, by_segments, slopes)
-    print(written[0].read_text(encoding="utf-8"))
+    for folder in (options.out, *([ROOT / "docs" / "figures"] if options.docs else [])):
+        written += draw(folder, by_points, by_segments, slopes)
+    text = written[0].read_text(encoding="utf-8")
+    if options.docs:
+        fill_in(ROOT / "docs" / "benchmarks.md", "bench_scaling", text)
+    print(text)
     print("\n".join(str(path) for path in written))
-    return gate.finish("bench_scaling", plan.mode, metrics_of(by_points, compared, slopes), options)
+    made_with = {"rounds": rounds, "segment points": plan.segment_points}
+    partial = options.most_points < plan.points[-1]
+    metrics = metrics_of(by_points, compared, slopes)
+    return gate.finish("bench_scaling", plan.mode, metrics, options, made_with, partial)
 
 
 def measured(points: int, segments: int, length_m: float, plan: Plan, rounds: int) -> dict[str, Any]:
@@ -250,6 +261,9 @@ NOTES = (
 )
 
 
+SLOPES = "of times of processes one after the other; a repeat would take the whole run again"
+
+
 def metrics_of(
     by_points: list[dict[str, Any]], compared: list[dict[str, Any]], slopes: dict[str, float]
 ) -> list[Metric]:
@@ -257,9 +271,10 @@ def metrics_of(
     targets = {(10_000, ICP): 0.25, (10_000, LEAST_SQUARES): 0.1, (1_000_000, RAYCASTING): 2.0}
     metrics = []
     for c in compared:
-        for name, value in c["ratios"].items():
+        for name in c["ratios"]:
             title = f"time: fit of {c['points']:,} points / {TITLES[name]}"
-            metrics.append(Metric(title, value, 0.5, target=targets.get((c["points"], name))))
+            rounds = [a / b for a, b in zip(c["times_s"]["fit"], c["times_s"][name], strict=True)]
+            metrics.append(repeated(title, rounds, target=targets.get((c["points"], name))))
     for a in by_points:
         if "peak_bytes" not in a:
             continue
@@ -270,7 +285,7 @@ def metrics_of(
             metrics.append(Metric(f"worst node mm, {size}", a["node_max_mm"], 0.2, target=0.2))
     for name in ("time over points", "time over segments"):
         if not math.isnan(slopes[name]):
-            metrics.append(Metric(f"slope, {name}", slopes[name], 0.25))
+            metrics.append(Metric(f"slope, {name}", slopes[name], 0.25, why=SLOPES))
     return metrics
 
 

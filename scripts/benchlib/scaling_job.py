@@ -11,9 +11,12 @@ import numpy as np
 
 from benchlib.methods.common import Array, Task, tubes
 from benchlib.methods.registry import named
-from benchlib.peer_job import WARM_POINTS, WARM_SEED, task
+from benchlib.peer_clouds import task
+from benchlib.peer_job import WARM_POINTS, WARM_SEED
 from benchlib.timing import alternating, peak_bytes, ratio, repeated, reset_peak, resident_bytes, serve
 from linear_ik import Chain, Scan, fit
+
+WITHOUT_NORMALS = " without normals"
 
 
 def work(job: dict[str, Any]) -> dict[str, Any]:
@@ -71,20 +74,28 @@ def ratios(points: int, rounds: int, against: list[str]) -> dict[str, Any]:
         against: "raycasting", or names of the methods of `bench_peers`.
     """
     wanted = task(points, 1)
-    scan = Scan(wanted.points)
-    calls: dict[str, Callable[[], object]] = {"fit": lambda: fit(wanted.element, scan)}
+    cores: dict[str, list[float]] = {}
+    calls: dict[str, Callable[[], object]] = {"fit": lambda: fit(wanted.element, Scan(wanted.points))}
     for name in against:
-        calls[name] = raycasting(wanted) if name == "raycasting" else solving(name, wanted)
+        calls[name] = raycasting(wanted) if name == "raycasting" else solving(name, wanted, cores)
     alternating(calls, 1)
+    cores.clear()
     times = alternating(calls, rounds)
-    return {"times_s": times, "ratios": {name: ratio(times["fit"], times[name]) for name in against}}
+    times |= {f"{name}{WITHOUT_NORMALS}": seconds for name, seconds in cores.items()}
+    return {"times_s": times, "ratios": {name: ratio(times["fit"], times[name]) for name in times if name != "fit"}}
 
 
-def solving(name: str, wanted: Task) -> Callable[[], object]:
-    """Return the call of a method on a task."""
+def solving(name: str, wanted: Task, cores: dict[str, list[float]]) -> Callable[[], object]:
+    """Return the call of a method on a task, which notes in ``cores`` what it took without normals."""
     (method,) = named([name])
     solve = method.load()
-    return lambda: solve(wanted)
+
+    def call() -> None:
+        core_s = solve(wanted).core_s
+        if core_s is not None:
+            cores.setdefault(name, []).append(core_s)
+
+    return call
 
 
 def raycasting(wanted: Task) -> Callable[[], object]:
@@ -93,7 +104,7 @@ def raycasting(wanted: Task) -> Callable[[], object]:
 
     chain = Chain.of(wanted.element)
     q = np.zeros(3 * wanted.element.segments)
-    q[3 * 7 + 1] = np.radians(22.5)
+    q[3 * 7 + 2] = np.radians(22.5)  # z, y, x of segment 8
     pose = chain.pose(chain.with_q(q))
     vertices, triangles = tubes(wanted.element, pose.rotations, pose.nodes_m)
 

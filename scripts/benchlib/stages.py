@@ -20,12 +20,14 @@ QUERY = "closest-point query"
 # Modules of the package; the longest name that fits decides.
 STAGE_OF = {
     "linear_ik.problem": "preparation",
+    "linear_ik.scan": "preparation",
     "linear_ik.urdf": "preparation",
     "linear_ik.profile": "preparation",
     "linear_ik.outline": "preparation",
     "linear_ik.section": "preparation",
     "linear_ik.correspondence": "correspondence",
     "linear_ik.cloud_pairs": "correspondence",
+    "linear_ik.icpik": "correspondence",
     "linear_ik.surface": "correspondence",
     "linear_ik.tally": "correspondence",
     "linear_ik.terms": "assembly",
@@ -40,6 +42,8 @@ STAGE_OF = {
     "linear_ik.uncertainty": "statistics, verdict",
     "linear_ik.section_check": "statistics, verdict",
     "linear_ik.ends": "statistics, verdict",
+    "linear_ik.doubts": "statistics, verdict",
+    "linear_ik.fit": "statistics, verdict",
 }
 STAGES = (QUERY, *dict.fromkeys(STAGE_OF.values()), REST)
 

@@ -19,9 +19,12 @@ import numpy.typing as npt
 from benchlib import pairings
 from benchlib.runs import patched
 from linear_ik import Element, FitSettings, SimulatedScan, fit
+from linear_ik.chain import BASE
 from linear_ik.descent import Log, Stage, descend
 from linear_ik.ik_step import make_solver
 from linear_ik.problem import Problem
+from linear_ik.terms import Objective
+from linear_ik.terms.damping import Damping
 from linear_ik.terms.point_residual import point_residual
 from linear_ik.terms.point_to_point import point_to_point
 
@@ -42,12 +45,20 @@ class Variant:
     """A method with one choice changed.
 
     Attributes:
-        name: what is changed, and to what.
+        name: what is changed, and to what; the cache knows the variant by it, so it holds
+            nothing that another patch might change.
         run: fits a scan.
+        ours: what the package has instead, for the table.
     """
 
     name: str
     run: Callable[[Element, SimulatedScan], Fitted]
+    ours: str = ""
+
+    @property
+    def title(self) -> str:
+        """The name for the table."""
+        return f"{self.name} (ours {self.ours})" if self.ours else self.name
 
 
 @dataclass(frozen=True)
@@ -172,49 +183,67 @@ def pairing_variants() -> list[Variant]:
 
 
 def icpik_variants() -> list[Variant]:
-    """Return the paper's method with each constant that the paper does not give changed in turn."""
-    from linear_ik import cloud_pairs, icpik
+    """Return the paper's method with each choice that the paper leaves open changed in turn."""
+    from linear_ik import cloud_pairs, descent, icpik
+    from linear_ik.terms import damping
+
+    ours = FitSettings(method="icpik")
+
+    def changed(name: str, *changes: tuple[Any, str, Any], like: str = "", **settings: Any) -> Variant:
+        return Variant(name, Changed({"method": "icpik", **settings}, changes), like)
 
     def constant(word: str, module: Any, name: str, *values: float) -> list[Variant]:
-        own = getattr(module, name)
+        own = f"{getattr(module, name):g}"
+        return [changed(f"{word} {value:g}", (module, name, value), like=own) for value in values]
+
+    def setting(word: str, name: str, own: float, *values: float) -> list[Variant]:
+        return [changed(f"{word} {value:g}", like=f"{own:g}", **{name: value}) for value in values]
+
+    def adapted(word: str, name: str, *values: float) -> list[Variant]:
+        own = f"{getattr(damping.Damping(1.0), name):g}"
         return [
-            Variant(f"{word} {value:g} (ours {own:g})", Changed({"method": "icpik"}, [(module, name, value)]))
+            changed(f"{word} {value:g}", (descent, "Damping", bounded_damping(**{name: value})), like=own)
             for value in values
         ]
 
-    def setting(word: str, name: str, *values: float) -> list[Variant]:
-        return [
-            Variant(f"{word} {value:g} (ours 0.001)", Changed({"method": "icpik", name: value})) for value in values
-        ]
-
     return [
-        Variant("icpik", Changed({"method": "icpik"})),
-        Variant(
-            "no inverse-distance weights",
-            Changed({"method": "icpik"}, [(icpik, "inverse_distance", unweighted)]),
-        ),
-        Variant(
-            "no segment weights",
-            Changed({"method": "icpik"}, [(icpik, "segment_weights", unweighted)]),
+        changed("icpik"),
+        changed("no inverse-distance weights", (icpik, "inverse_distance", unweighted)),
+        *constant("exponent of the inverse-distance weight", icpik, "WEIGHT_EXPONENT", 1, 4),
+        *constant("distance of a quarter weight, m", icpik, "QUARTER_WEIGHT_M", 0.005, 0.1),
+        changed("no segment weights", (icpik, "segment_weights", unweighted)),
+        *(
+            changed(
+                f"segment weight by the share to the power {power:g}",
+                (icpik, "segment_weights", share_weights(icpik.segment_weights, power)),
+                like="1",
+            )
+            for power in (-1.0, 0.5, 2.0)
         ),
         *constant("threshold decay", icpik, "THRESHOLD_DECAY", 0.9, 0.95, 0.99, 1.0),
         *constant("least threshold, m", icpik, "LEAST_THRESHOLD_M", 0.005, 0.05),
-        *constant("half weight, m", icpik, "HALF_WEIGHT_M", 0.005, 0.1),
         *constant("model points", icpik, "MODEL_POINTS", 3_000, 30_000),
+        *setting("seed of the model's cloud", "seed", ours.seed, 1, 2),
         *constant("inner iterations", cloud_pairs, "INNER_ITERATIONS", 1, 100),
-        *setting("lambda", "damping", 1e-6, 1e-1),
-        *setting("Q", "continuity", 0.0, 1e-5, 1e-1),
-        *setting("C", "directional", 0.0, 1e-1),
-        Variant(
-            "Q 1e-05 and one inner iteration",
-            Changed({"method": "icpik", "continuity": 1e-5}, [(cloud_pairs, "INNER_ITERATIONS", 1)]),
+        *setting("lambda", "damping", ours.weights.damping, 1e-6, 1e-1),
+        *constant("damping eased by", damping, "EASED", 1, 10),
+        *constant("damping hardened by", damping, "HARDENED", 1, 10),
+        *adapted("damping's floor", "least", 1e-6, 1e-3),
+        *adapted("damping's ceiling", "most", 1.0),
+        *setting("largest step, rad", "max_step_rad", ours.max_step_rad, 0.03, 0.1, 1.0),
+        *setting("Q", "continuity", ours.weights.continuity, 0.0, 1e-5, 1e-1),
+        *setting("C", "directional", ours.weights.directional, 0.0, 1e-1),
+        changed("C without its penalty on twist", (descent, "directional_constraint", bends_only)),
+        changed(
+            "C and Q pull the angles, not only the step",
+            (descent, "shape_damping", pulling_angles(descent.shape_damping)),
         ),
-        Variant(
+        changed("Q 1e-05 and one inner iteration", (cloud_pairs, "INNER_ITERATIONS", 1), continuity=1e-5),
+        changed(
             "Q 1e-05, one inner iteration, no inverse-distance weights",
-            Changed(
-                {"method": "icpik", "continuity": 1e-5},
-                [(cloud_pairs, "INNER_ITERATIONS", 1), (icpik, "inverse_distance", unweighted)],
-            ),
+            (cloud_pairs, "INNER_ITERATIONS", 1),
+            (icpik, "inverse_distance", unweighted),
+            continuity=1e-5,
         ),
     ]
 
@@ -222,6 +251,41 @@ def icpik_variants() -> list[Variant]:
 def unweighted(pairs: Any) -> Array:
     """Return ones [P] for weights."""
     return np.ones(len(pairs.distance_m))
+
+
+def share_weights(shares: Callable[[Any], Array], power: float) -> Callable[[Any], Array]:
+    """Return segment weights as another power of the segment's share; -1 gives each segment the same say."""
+    return lambda pairs: shares(pairs) ** power
+
+
+def bounded_damping(**bounds: float) -> Callable[..., Damping]:
+    """Return a maker of dampings with another ``least`` or ``most``."""
+    own = Damping(1.0, **bounds)
+    return lambda weight, least=own.least, most=own.most: Damping(weight, least, most)
+
+
+def bends_only(x: Array, weight: float) -> Objective:
+    """Return the directional constraint without what it says of twist."""
+    from linear_ik.terms.directional_constraint import directional_constraint
+
+    H, c = (a.copy() for a in directional_constraint(x, weight))
+    twist = np.arange(BASE, len(x), 3)
+    H[twist], H[:, twist], c[twist] = 0.0, 0.0, 0.0
+    return Objective(H, c)
+
+
+def pulling_angles(shape_damping: Callable[..., Objective]) -> Callable[..., Objective]:
+    """Return C and Q as costs of the angles themselves: their gradient is H x.
+
+    The paper's eq. 4 adds C and Q on the left, where they only shorten the step; read as
+    priors of the shape they would pull the chain straight as well.
+    """
+
+    def terms(x: Array, information: float, weights: Any) -> Objective:
+        H = shape_damping(x, information, weights).H
+        return Objective(H, H @ x)
+
+    return terms
 
 
 def all_variants() -> dict[str, Variant]:

@@ -27,16 +27,18 @@ class Task:
         element: the design, its placement the identity.
         points: [P][3] the scan.
         nodes_m: [N+1][3] where the nodes are.
+        on_element: [P] which points are the element's; all when None.
     """
 
     element: Element
     points: Array
     nodes_m: Array
+    on_element: npt.NDArray[np.bool_] | None = None
 
     @classmethod
     def of(cls, element: Element, scan: SimulatedScan) -> Task:
         """Return the task of a simulated scan."""
-        return cls(element, np.ascontiguousarray(scan.points), scan.nodes_m)
+        return cls(element, np.ascontiguousarray(scan.points), scan.nodes_m, scan.on_element)
 
 
 @dataclass(frozen=True, eq=False)
@@ -48,27 +50,31 @@ class Found:
         surface: returns vertices [V][3] and triangles [F][3] of the surface found. For
             measuring only: it is asked once the clock has stopped.
         iterations: as the method counts them; None where it does not say.
+        core_s: seconds of the method without what some users have at hand, such as normals;
+            None where there is nothing of the kind.
     """
 
     nodes_m: Array
     surface: Callable[[], tuple[Array, Triangles]]
     iterations: int | None = None
+    core_s: float | None = None
 
 
 Solve = Callable[[Task], Found]
 
 
 def errors_mm(task: Task, found: Found) -> dict[str, float]:
-    """Return node rms, worst node and tip error, and the rms distance of the scan to the surface found.
+    """Return node rms, worst node and tip error, and the rms distance of the element's points to the surface found.
 
     The first node is where the design puts it for most methods, and is left out of the rms.
     """
     import open3d as o3d
 
+    points = task.points if task.on_element is None else task.points[task.on_element]
     scene = o3d.t.geometry.RaycastingScene()
     vertices, triangles = found.surface()
     scene.add_triangles(o3d.core.Tensor(vertices.astype(np.float32)), o3d.core.Tensor(triangles))
-    points = task.points[:: max(1, len(task.points) // 20_000)]
+    points = points[:: max(1, len(points) // 20_000)]
     distance = scene.compute_distance(o3d.core.Tensor(points.astype(np.float32))).numpy()
     node = np.linalg.norm(found.nodes_m - task.nodes_m, axis=1)
     return {

@@ -27,7 +27,6 @@ class Method:
         install: what `pip install` is given to get it.
         arguments: of the function.
         peer: whether it is somebody else's, and counts when peers are compared with ours.
-        lazy: whether its first call imports, so that it must be called once before it is timed.
     """
 
     name: str
@@ -38,7 +37,6 @@ class Method:
     install: tuple[str, ...] = field(default=())
     arguments: tuple[str, ...] = ()
     peer: bool = True
-    lazy: bool = True
 
     def load(self) -> Callable[..., Any]:
         """Import what the method needs, and return what it makes."""
@@ -59,7 +57,7 @@ class Method:
 
 def _peer(name: str, title: str, function: str, about: str, package: str | None = None, *install: str) -> Method:
     install = install or ((package,) if package else ())
-    return Method(name, title, function, about, package, install, lazy=not function.startswith("nonrigid:"))
+    return Method(name, title, function, about, package, install)
 
 
 def _solver(name: str, package: str | None) -> Method:
@@ -94,9 +92,9 @@ METHODS = (
         ICP,
         "Open3D ICP, rigid",
         "rigid:open3d_icp",
-        "registration_icp, point to plane, the scan to the design's cloud of as many points, whose normals are "
-        "estimated from 20 neighbours; 0.3 m at most, otherwise defaults. (The design's cloud to the scan slides "
-        "along the axis: 520 mm off.) Nodes: the straight ones, moved.",
+        "registration_icp, point to plane, the design's cloud of as many points to the scan, whose normals are "
+        "estimated from 20 neighbours; 0.3 m at most, otherwise defaults. It slides along the axis, which no plane "
+        "holds. Nodes: the straight ones, moved.",
     ),
     _peer(
         "small_gicp",
@@ -171,7 +169,8 @@ METHODS = (
         "scipy least_squares, same chain",
         "chain_peers:least_squares",
         "Trust region over the joint angles in their limits, analytic Jacobian, residuals point to plane on the faces "
-        "the package's matcher finds at the angles asked for. BLAS on one thread, as in ours.",
+        "the package's matcher finds at the angles asked for; tr_solver exact (lsmr: the same errors, no faster). BLAS "
+        "on one thread, as in ours.",
     ),
     _peer(
         "pink_points",
