@@ -20,6 +20,7 @@ from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import Solver, make_solver
 from linear_ik.problem import Problem, sample, thinned
+from linear_ik.repair import plate_shifts
 from linear_ik.result import FitResult, IterationRecord, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
@@ -35,6 +36,7 @@ Mask = npt.NDArray[np.bool_]
 SLID_M = 0.006
 PLAIN_ITERATIONS = 12
 PLAIN_NOISE_M = 0.0025  # beyond, another section may scatter the points
+THICK = 30.0  # deviations; a segment between two sides so far apart has two points in three on neither
 ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
@@ -142,12 +144,19 @@ def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver
         if not then.all() and then.argmin() <= known.argmin():
             break
         found, known = other, then
-    if known.all():
-        return found, seen_around(problem, found)
     noise_m = settings.range_noise_m or noise_of(found.pairs)
-    stage = Stage("coarse", points, (ROBUST_SCALE * noise_m,), noise_m, 3, 1e-4)
-    found = descend(problem, found.x, stage, settings, solver, log)
-    return found, bool(explained(problem, found).all()) and seen_around(problem, found)
+    if not known.all():
+        stage = Stage("coarse", points, (ROBUST_SCALE * noise_m,), noise_m, 3, 1e-4)
+        found = descend(problem, found.x, stage, settings, solver, log)
+        known = explained(problem, found)
+    if not known.all() or seen_around(problem, found):
+        return found, bool(known.all())
+    # From a base that is held, no segment gets to the wrong side of something thick without one
+    # between that is off both; a base that floats may have started there.
+    startup = Startup(problem, points, noise_m, settings, solver, log)
+    apart_m = np.linalg.norm(plate_shifts(problem.surface), axis=1).min(initial=np.inf)
+    told_apart = not startup.floating and apart_m > THICK * noise_m
+    return found, bool(told_apart) and startup.repaired(found.x) is found.x
 
 
 def explained(problem: Problem, found: Descended) -> Mask:

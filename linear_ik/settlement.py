@@ -41,7 +41,7 @@ Mask = npt.NDArray[np.bool_]
 
 ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
 NOISE_MISGIVEN = 3.0
-STILL = 0.3  # of the noise: what the step on all points may be left to do
+STILL = 0.15  # of the noise: what the step on all points may be left to do
 EVIDENCE_ROUNDS = 12
 MOST_ROUNDS = 5
 MOST_ITERATIONS = 50

@@ -73,7 +73,10 @@ class Startup:
         for k in range(self.problem.element.segments):
             children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
             beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
-        x = max((self.finish(h.x) for h in beam), key=self.score)
+        return self.repaired(max((self.finish(h.x) for h in beam), key=self.score))
+
+    def repaired(self, x: Array) -> Array:
+        """Return ``x`` [6 + 3N] itself, or with nodes moved across a plate where that explains more points."""
         # The two sides of a thin plate are told apart by a score no wider than the noise asks for.
         sharp_m = float(np.clip(2.5 * self.noise_m, LEAST_TAU_M / 2, self.tau_m))
         sharply = partial(self.score, tau_m=sharp_m)

@@ -382,16 +382,13 @@ def test_variants_of_the_terms_are_what_they_say() -> None:
     from linear_ik import descent
     from linear_ik.chain import BASE
     from linear_ik.problem import Problem
-    from linear_ik.terms import Objective
 
     case = named("1a")
     problem = Problem.of(case.element, case.scan(1, 500))
     x = problem.straight.copy()
     x[BASE:] = np.random.default_rng(0).uniform(-0.1, 0.1, len(x) - BASE)
-    pose, points = problem.chain.pose(x), Objective(np.eye(len(x)), np.zeros(len(x)))
-    settings = FitSettings(method="icpik", continuity=0.5, directional=0.0)
-    given = (problem, x, pose, points, 0.0, settings)
-    pulling = variants.pulling_angles(descent.other_terms)(*given)
+    weights = FitSettings(method="icpik", continuity=0.5, directional=0.0).weights
+    pulling = variants.pulling_angles(descent.shape_damping)(x, 1.0, weights)
     angles = x[BASE + 3 :].reshape(-1, 3)
     bent = np.diff(angles, axis=0)
     assert x @ pulling.H @ x == pytest.approx(0.5 * np.sum(bent**2))
