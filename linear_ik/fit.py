@@ -12,15 +12,16 @@ import numpy.typing as npt
 from threadpoolctl import ThreadpoolController
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
-from linear_ik.chain import BASE
+from linear_ik.chain import BASE, Pose
 from linear_ik.descent import Descended, Log, Stage, descend, other_terms
 from linear_ik.doubts import doubts, quadrants
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import Solver, make_solver
-from linear_ik.problem import Problem, sample, thinned
+from linear_ik.problem import Problem, thinned
 from linear_ik.result import FitResult, IterationRecord, SegmentResult
+from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
@@ -95,7 +96,7 @@ def _fit(
         clock.lap("icpik")
         return conclude(measured(problem, found, settings), settings, log, clock)
 
-    few = sample(problem.points, COARSE_POINTS_A_SEGMENT * n, rng)
+    few = sample(problem, problem.chain.pose(problem.straight), COARSE_POINTS_A_SEGMENT * n, rng)
     found, sure = plain(problem, few, settings, solver, log)
     clock.lap("coarse")
     if settings.search == "always" or (settings.search == "auto" and not sure):
@@ -105,10 +106,15 @@ def _fit(
         if len(problem.points) < LEAST_POINTS:
             return absent(problem, (f"{ABSENT}: no points make up its surface",), settings, log, clock)
 
-    some = sample(problem.points, sample_size(problem), rng)
+    some = sample(problem, found.pose, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
     return conclude(settled, settings, log, clock)
+
+
+def sample(problem: Problem, pose: Pose, count: int, rng: np.random.Generator) -> Array:
+    """Return at most ``count`` of the problem's points, equally along a chain at ``pose``, in double precision."""
+    return problem.points[stratified(problem.points, pose.nodes_m, count, rng)].astype(np.float64)
 
 
 def sample_size(problem: Problem) -> int:

@@ -133,13 +133,6 @@ def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:
     return out if again is None else out[~again]
 
 
-def sample(points: Array, count: int, rng: np.random.Generator) -> Array:
-    """Return ``count`` points chosen at random, or all where there are no more, in double precision."""
-    if len(points) > count:
-        points = points[np.sort(rng.choice(len(points), count, replace=False, shuffle=False))]
-    return points.astype(np.float64)
-
-
 def thinned(points: Array, cell_m: float, seed: int) -> Array:
     """Return one point of each cell of a grid, chosen at random: equal density everywhere.
 
