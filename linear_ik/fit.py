@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -12,16 +13,19 @@ import numpy.typing as npt
 from threadpoolctl import ThreadpoolController
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
-from linear_ik.chain import BASE
+from linear_ik.chain import BASE, Pose
+from linear_ik.coordinates import coarse_step_m, unit_hint
 from linear_ik.descent import Descended, Log, Stage, descend, known_terms
 from linear_ik.doubts import doubts, quadrants
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import Solver, make_solver
-from linear_ik.problem import Problem, sample, thinned
+from linear_ik.outliers import without_outliers
+from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
 from linear_ik.result import FitResult, IterationRecord, SegmentResult
+from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
@@ -76,7 +80,7 @@ def fit(
         raise ElementError("element", f"a {type(element).__name__}", "an Element, such as load_element(path)")
     # Small matrices get ten times slower when BLAS spreads them over busy cores.
     with thread_pools().limit(limits=1):
-        return _fit(element, scan, settings or FitSettings(), on_iteration)
+        return coarseness_said(_fit(element, scan, settings or FitSettings(), on_iteration), scan)
 
 
 def _fit(
@@ -86,17 +90,21 @@ def _fit(
     solver = make_solver(settings.solver)
     log = Log(on_iteration, element.placement.T_world_element)
     problem = Problem.of(element, scan)
+    if settings.outlier_removal:
+        problem = problem.seeing(without_outliers(problem.points))
     rng, n = np.random.default_rng(settings.seed), element.segments
     clock.lap("prepare")
     if len(problem.points) < LEAST_POINTS:
-        return absent(problem, (f"{ABSENT}: {len(problem.points)} points in its reach",), settings, log, clock)
+        hint = unit_hint(scan.points, element.placement.T_world_element, element.length_m)
+        reasons = (f"{ABSENT}: {len(problem.points)} points in its reach", *([hint] if hint else []))
+        return absent(problem, reasons, settings, log, clock)
 
     if settings.method == "icpik":
         found = icpik(problem, settings, solver, log)
         clock.lap("icpik")
         return conclude(measured(problem, found, settings), settings, log, clock)
 
-    few = sample(problem.points, COARSE_POINTS_A_SEGMENT * n, rng)
+    few = sample(problem, problem.chain.pose(problem.straight), COARSE_POINTS_A_SEGMENT * n, rng)
     found, sure = plain(problem, few, settings, solver, log)
     clock.lap("coarse")
     if settings.search == "always" or (settings.search == "auto" and not sure):
@@ -106,10 +114,25 @@ def _fit(
         if len(problem.points) < LEAST_POINTS:
             return absent(problem, (f"{ABSENT}: no points make up its surface",), settings, log, clock)
 
-    some = sample(problem.points, sample_size(problem), rng)
+    some = sample(problem, found.pose, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
     return conclude(settled, settings, log, clock)
+
+
+def coarseness_said(result: FitResult, scan: Scan) -> FitResult:
+    """Return the result, in doubt where the scan's coordinates were stored in steps of a millimetre or more."""
+    step_m = coarse_step_m(scan.points)
+    if step_m is None:
+        return result
+    reason = f"the scan's coordinates were stored in single precision, in steps of {step_m * 1e3:.3g} mm at their size"
+    status = "uncertain" if result.status == "converged" else result.status
+    return replace(result, status=status, reasons=(*result.reasons, reason))
+
+
+def sample(problem: Problem, pose: Pose, count: int, rng: np.random.Generator) -> Array:
+    """Return at most ``count`` of the problem's points, equally along a chain at ``pose``, in double precision."""
+    return problem.points[stratified(problem.points, pose.nodes_m, count, rng)].astype(np.float64)
 
 
 def sample_size(problem: Problem) -> int:
@@ -286,11 +309,13 @@ def in_scan_coordinates(
     chain = problem.chain
     T = problem.element.placement.T_world_element
     R = T[:3, :3]
+    # Shared by all points, so by all nodes: a translation of the whole. No verdict depends on it.
+    shared_m2 = settings.systematic_error_m**2 * np.eye(3)
     limits = np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)
     return FitResult(
         element=problem.element,
         nodes_m=chain.pose(x).nodes_m @ R.T + T[:3, 3],
-        nodes_covariance_m2=R @ node_covariance @ R.T,
+        nodes_covariance_m2=R @ node_covariance @ R.T + shared_m2,
         q=x[BASE:].copy(),
         joint_angles_rad=x[BASE:].reshape(-1, 3)[:, ::-1].copy(),
         joint_limits_rad=limits[:, ::-1].copy(),

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import BASE, Chain
 from linear_ik.correspondence import Matcher
+from linear_ik.duplicates import point_keys, repeated
 from linear_ik.element import Element
 from linear_ik.scan import Scan
 from linear_ik.surface import Surface
@@ -111,27 +112,26 @@ class Problem:
 
 
 def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:
-    """Return the points [P][3] within ``reach_m`` of the element's start, in the element's frame.
+    """Return the points [P][3] within ``reach_m`` of the element's start, each once, in the element's frame.
 
     Clouds of more than a million points come back in single precision: at the element's
     size that is a tenth of a micrometre, and half the memory.
     """
     out = np.empty(points.shape, dtype=np.float64 if len(points) <= MANY_POINTS else np.float32)
+    keys = np.empty(len(points), dtype=np.uint64)
     count = 0
     for start in range(0, len(points), POINTS_A_PIECE):
-        local = (points[start : start + POINTS_A_PIECE] - T_world_element[:3, 3]) @ T_world_element[:3, :3]
+        piece = points[start : start + POINTS_A_PIECE]
+        local = (piece - T_world_element[:3, 3]) @ T_world_element[:3, :3]
         near = np.einsum("ij,ij->i", local, local) <= reach_m**2
-        local = local if near.all() else local[near]
+        if not near.all():
+            piece, local = piece[near], local[near]
         out[count : count + len(local)] = local
+        keys[count : count + len(local)] = point_keys(piece)
         count += len(local)
-    return out[:count]
-
-
-def sample(points: Array, count: int, rng: np.random.Generator) -> Array:
-    """Return ``count`` points chosen at random, or all where there are no more, in double precision."""
-    if len(points) > count:
-        points = points[np.sort(rng.choice(len(points), count, replace=False, shuffle=False))]
-    return points.astype(np.float64)
+    out = out[:count]
+    again = repeated(keys[:count], out)
+    return out if again is None else out[~again]
 
 
 def thinned(points: Array, cell_m: float, seed: int) -> Array:

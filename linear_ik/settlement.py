@@ -34,14 +34,14 @@ from linear_ik.settings import FitSettings
 from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
-from linear_ik.uncertainty import MAD_TO_SD, covariance, noise_of
+from linear_ik.uncertainty import MAD_TO_SD, covariance, noise_of, point_noise
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 ROBUST_SCALE = 5.0  # in standard deviations of the noise: 1 % less efficient than least squares
 NOISE_MISGIVEN = 3.0
-STILL = 0.15  # of the noise: what the step on all points may be left to do
+STILL = 0.1  # of the noise: what the step on all points may be left to do
 EVIDENCE_ROUNDS = 12
 MOST_ROUNDS = 5
 MOST_ITERATIONS = 50
@@ -50,6 +50,7 @@ SLIDE_SEEN_M = 0.003
 FOREIGN_RATIO, FOREIGN_RATIO_KINKED = 2.0, 1.5
 KINK_RATIO, LEAST_KINK_RAD = 5.0, np.radians(0.05)
 FOREIGN_EXCESS_M = 0.0004
+ROUGHNESS_RATIO = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -295,7 +296,9 @@ def foreign_segments(problem: Problem, found: Descended, ignored: Mask) -> Mask:
     Their points scatter twice as much as the other segments' points, or half as much
     again while the segment kinks far more than the rest of the element. A member that
     really kinks keeps its scatter, and so does one that would kink further than its
-    joints may.
+    joints may. So does one whose points scatter as much among their neighbours as about
+    the designed surface: that is noise, which a scanner has more of where it looks
+    straight at a face than along it.
     """
     used = found.weights > 0
     segment = found.pairs.segment[used]
@@ -319,4 +322,13 @@ def foreign_segments(problem: Problem, found: Descended, ignored: Mask) -> Mask:
     )
     kinked = worst > KINK_RATIO * np.maximum(rest, LEAST_KINK_RAD)
     ratio = np.where(kinked, FOREIGN_RATIO_KINKED, FOREIGN_RATIO)
-    return np.asarray(judged & ~limited & (noise_m > ratio * usual_m) & (noise_m > usual_m + FOREIGN_EXCESS_M))
+    suspect = judged & ~limited & (noise_m > ratio * usual_m) & (noise_m > usual_m + FOREIGN_EXCESS_M)
+    R, nodes, rng = found.pose.rotations, found.pose.nodes_m, np.random.default_rng(0)
+    middle = (nodes[1:] + nodes[:-1]) / 2
+    reach_m = problem.surface.reach_m + problem.element.segment_length_m / 2
+    for k in np.flatnonzero(suspect):
+        # Of all its points: a sample's neighbours are too far apart to lie on one face.
+        near = problem.points[np.linalg.norm(problem.points - middle[k], axis=1) < reach_m]
+        roughness_m = point_noise(found.pairs.local[used][segment == k] @ R[k].T + nodes[k], near, rng)
+        suspect[k] = noise_m[k] > ROUGHNESS_RATIO * roughness_m
+    return np.asarray(suspect)

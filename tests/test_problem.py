@@ -9,7 +9,7 @@ from samples import SAMPLES
 from linear_ik.bending import bend_element
 from linear_ik.correspondence import Correspondences
 from linear_ik.element import Element, Placement
-from linear_ik.problem import AXIAL, Problem, in_reach, sample, thinned
+from linear_ik.problem import AXIAL, Problem, in_reach, thinned
 from linear_ik.profile import Circle, Profile, Rectangle
 from linear_ik.scan import Scan
 from linear_ik.simulate import simulate
@@ -106,14 +106,6 @@ def test_many_points_are_kept_in_single_precision(monkeypatch: pytest.MonkeyPatc
     assert few.dtype == np.float64 and many.dtype == np.float32 and len(few) == len(many) == near.sum()
     np.testing.assert_allclose(few, (points - T[:3, 3])[near] @ T[:3, :3], rtol=0, atol=1e-12)
     np.testing.assert_allclose(many, few, rtol=0, atol=2e-7)
-
-
-def test_a_sample_is_some_of_the_points_in_their_order() -> None:
-    points = np.arange(300, dtype=np.float32).reshape(100, 3)
-    some = sample(points, 10, np.random.default_rng(0))
-    assert some.dtype == np.float64 and len(some) == 10
-    assert (np.diff(some[:, 0]) > 0).all() and np.isin(some[:, 0], points[:, 0]).all()
-    np.testing.assert_array_equal(sample(points, 100, np.random.default_rng(0)), points)
 
 
 def test_thinned_is_one_point_a_cell_as_measured() -> None:

@@ -63,6 +63,13 @@ def fit(
     range_noise: Annotated[
         float | None, typer.Option("--range-noise", metavar="METRES", help="Of the scanner; estimated when left out.")
     ] = None,
+    outlier_removal: Annotated[
+        bool, typer.Option("--outlier-removal", help="Remove points without company first (Open3D's).")
+    ] = False,
+    systematic_error: Annotated[
+        float,
+        typer.Option("--systematic-error", metavar="METRES", help="1 sigma, shared by all points: registration."),
+    ] = 0.0,
     max_iterations: Annotated[int, typer.Option("--max-iterations", help="Of all phases together.")] = 20_000,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
 ) -> Outcome:
@@ -87,9 +94,11 @@ def fit(
             solver=solver,
             range_noise_m=range_noise,
             max_iterations=max_iterations,
+            outlier_removal=outlier_removal,
+            systematic_error_m=systematic_error,
         )
     except SettingsError as error:
-        raise about_options(error, range_noise_m="--range-noise") from None
+        raise about_options(error, range_noise_m="--range-noise", systematic_error_m="--systematic-error") from None
 
     from linear_ik.element_file import load_element
 

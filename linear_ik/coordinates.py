@@ -1,0 +1,61 @@
+"""Coordinates that are not what they should be: other units, or digits lost in single precision."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+Array = npt.NDArray[np.float64]
+
+UNITS = {
+    "millimetres": 0.001,
+    "centimetres": 0.01,
+    "inches": 0.0254,
+    "feet": 0.3048,
+    "metres taken for feet": 1 / 0.3048,
+}
+MOST_POINTS = 100_000
+LEAST_POINTS = 100
+LEAST_EXTENT = 0.5  # of the element's length: a clump of points may come near by chance
+REACH = 1.2  # lengths from the start
+COARSE_STEP_M = 0.001  # finer steps drown in a scanner's noise
+
+
+def unit_hint(points: Array, T_world_element: Array, length_m: float) -> str | None:
+    """Return a sentence that names the unit in which a scan would hold the element, or None.
+
+    Asked only where no points are in reach: scaled to metres, at least 100 are, and they
+    spread over half the element's length.
+
+    Args:
+        points: [P][3] in the scan's coordinates.
+        T_world_element: [4][4] the element's placement.
+        length_m: of the element.
+    """
+    some = points[:: max(1, len(points) // MOST_POINTS)]
+    best, most = None, LEAST_POINTS - 1
+    for unit, factor in UNITS.items():
+        offset = some * factor - T_world_element[:3, 3]
+        near = offset[np.einsum("ij,ij->i", offset, offset) <= (REACH * length_m) ** 2]
+        if len(near) > most and np.ptp(near, axis=0).max() >= LEAST_EXTENT * length_m:
+            best, most = (
+                f"the scan seems to be in {unit}: times {factor:.4g} it would be where the element is",
+                len(near),
+            )
+    return best
+
+
+def coarse_step_m(points: Array) -> float | None:
+    """Return the step of coordinates that were once stored in single precision, or None where it is below 1 mm.
+
+    Single precision has 24 bits: at 500 km a step is 31 mm, at 5000 km half a metre.
+
+    Args:
+        points: [P][3] in the scan's coordinates.
+    """
+    some = points[:: max(1, len(points) // 1000)]
+    single = some.astype(np.float32)
+    if (single != some).any():
+        return None
+    step_m = float(np.spacing(np.abs(single).max(axis=0)).max())
+    return step_m if step_m >= COARSE_STEP_M else None
