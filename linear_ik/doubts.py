@@ -15,6 +15,8 @@ ONE_SIDE = 0.95  # share of the points
 PARALLEL_REACH = 0.3  # of the section's size
 CLOSE_M = 0.03
 LEAST_SHARE = 0.3  # of the points of the side opposite
+ON_SURFACE = 4.0  # deviations
+MOST_TURNED_AWAY, LEAST_TURNED_AWAY = 0.2, 20  # of a segment's points
 
 
 def quadrants(directions: Array) -> npt.NDArray[np.intp]:
@@ -72,6 +74,33 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
                 f"another section than {size[0] * 1e3:.0f} x {size[1] * 1e3:.0f} mm, or a neighbour"
             )
     return tuple(out)
+
+
+def turned_away(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> Mask:
+    """Return which points [P] lie on a face that looks away from their station, and on none that does not.
+
+    Where stations are unknown there are none: every point then has its nearest face.
+
+    Args:
+        surface: the section the points were matched to.
+        pairs: matches to faces that may be seen.
+        matched: [P] which of them lie on the surface.
+        noise_m: standard deviation of a point.
+    """
+    out = ~matched & (np.abs(pairs.residual_m) > ON_SURFACE * noise_m)
+    if surface.radius_m is None:
+        out[out] = surface.distances(pairs.local[out, :2]) < ON_SURFACE * noise_m
+    else:
+        out[:] = False
+    return np.asarray(out)
+
+
+def segments_turned_away(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> Mask:
+    """Return the segments [N] of which a fifth of the points `turned_away`; arguments as there."""
+    away = turned_away(surface, pairs, matched, noise_m)
+    n = len(pairs.starts) - 1
+    count, on = (np.bincount(pairs.segment[rows], minlength=n) for rows in (away, matched))
+    return np.asarray((count >= LEAST_TURNED_AWAY) & (count > MOST_TURNED_AWAY * (count + on)))
 
 
 SIDES = ("+x", "+y", "-x", "-y")

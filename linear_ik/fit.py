@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import time
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 from typing import Any
 
@@ -14,13 +15,13 @@ from threadpoolctl import ThreadpoolController
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
 from linear_ik.descent import Descended, Log, Stage, descend, other_terms
-from linear_ik.doubts import doubts, quadrants
+from linear_ik.doubts import doubts, quadrants, segments_turned_away, turned_away
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import Solver, make_solver
 from linear_ik.problem import Problem, sample, thinned
-from linear_ik.result import FitResult, IterationRecord, SegmentResult
+from linear_ik.result import FitResult, IterationRecord, SegmentResult, Status
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
@@ -40,6 +41,7 @@ ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
 SETTLE_POINTS_A_SEGMENT = 300
+MISPLACED = 0.3  # share of all points, from where on the stations are
 NEAR_M = 0.1  # after a search, only points this near to the chain are looked at again
 SEARCH_POINTS_A_SEGMENT = 300
 
@@ -75,15 +77,12 @@ def fit(
         raise ElementError("element", f"a {type(element).__name__}", "an Element, such as load_element(path)")
     # Small matrices get ten times slower when BLAS spreads them over busy cores.
     with thread_pools().limit(limits=1):
-        return _fit(element, scan, settings or FitSettings(), on_iteration)
+        log = Log(on_iteration, element.placement.T_world_element)
+        return _fit(element, scan, settings or FitSettings(), log, Clock())
 
 
-def _fit(
-    element: Element, scan: Scan, settings: FitSettings, on_iteration: Callable[[IterationRecord], object] | None
-) -> FitResult:
-    clock = Clock()
+def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     solver = make_solver(settings.solver)
-    log = Log(on_iteration, element.placement.T_world_element)
     problem = Problem.of(element, scan)
     rng, n = np.random.default_rng(settings.seed), element.segments
     clock.lap("prepare")
@@ -108,6 +107,13 @@ def _fit(
     some = sample(problem.points, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
+    away = turned_away(settled.problem.surface, settled.pairs, settled.matched, settled.noise_m)
+    if away.sum() > MISPLACED * (away | settled.matched).sum():
+        # Files name stations that are none: the file's own origin, say.
+        result = _fit(element, Scan(scan.points, scan.normals), settings, log, clock)
+        reason = "many points lie on faces that their stations cannot see: the stations were not used"
+        status: Status = "uncertain" if result.status == "converged" else result.status
+        return replace(result, status=status, reasons=(*result.reasons, reason))
     return conclude(settled, settings, log, clock)
 
 
@@ -214,6 +220,10 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if doubted:
         status = "uncertain" if status == "converged" else status
         reasons += doubted
+    hidden = segments_turned_away(problem.surface, settled.pairs, settled.matched, noise_m)
+    if hidden.any():
+        status = "uncertain" if status == "converged" else status
+        reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
     if settled.foreign.any():
         elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
         reasons += (

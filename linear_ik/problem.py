@@ -11,6 +11,7 @@ from linear_ik.chain import BASE, Chain
 from linear_ik.correspondence import Matcher
 from linear_ik.element import Element
 from linear_ik.scan import Scan
+from linear_ik.sights import Sights
 from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
@@ -55,7 +56,10 @@ class Problem:
         surface = Surface.of(element.profile)
         T = element.placement.T_world_element
         slack_m = float(np.linalg.norm(chain.upper[:3])) + surface.reach_m + 0.1
-        points = in_reach(scan.points, T, element.length_m + slack_m)
+        points, near = in_reach(scan.points, T, element.length_m + slack_m)
+        sights = None
+        if scan.stations is not None and scan.station_index is not None:
+            sights = Sights.of(points, (scan.stations - T[:3, 3]) @ T[:3, :3], scan.station_index[near])
         movable = chain.upper > chain.lower
         if surface.radius_m is not None:
             movable[BASE::3] = False
@@ -69,7 +73,7 @@ class Problem:
             element,
             chain,
             surface,
-            Matcher(surface, chain.segment_length_m),
+            Matcher(surface, chain.segment_length_m, sights),
             points,
             np.flatnonzero(movable),
             sd,
@@ -101,7 +105,9 @@ class Problem:
 
     def measuring(self, surface: Surface) -> Problem:
         """Return the problem with the section as it measures."""
-        return replace(self, surface=surface, matcher=Matcher(surface, self.chain.segment_length_m))
+        return replace(
+            self, surface=surface, matcher=Matcher(surface, self.chain.segment_length_m, self.matcher.sights)
+        )
 
     @property
     def straight(self) -> Array:
@@ -109,21 +115,22 @@ class Problem:
         return self.chain.clip(np.zeros(self.chain.nv))
 
 
-def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:
-    """Return the points [P][3] within ``reach_m`` of the element's start, in the element's frame.
+def in_reach(points: Array, T_world_element: Array, reach_m: float) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Return the points within ``reach_m`` of the element's start, in the element's frame, and which [P] they are.
 
     Clouds of more than a million points come back in single precision: at the element's
     size that is a tenth of a micrometre, and half the memory.
     """
     out = np.empty(points.shape, dtype=np.float64 if len(points) <= MANY_POINTS else np.float32)
-    count = 0
+    count, kept = 0, np.empty(len(points), dtype=bool)
     for start in range(0, len(points), MANY_POINTS):
         local = (points[start : start + MANY_POINTS] - T_world_element[:3, 3]) @ T_world_element[:3, :3]
         near = np.einsum("ij,ij->i", local, local) <= reach_m**2
+        kept[start : start + MANY_POINTS] = near
         local = local if near.all() else local[near]
         out[count : count + len(local)] = local
         count += len(local)
-    return out[:count]
+    return out[:count], kept
 
 
 def sample(points: Array, count: int, rng: np.random.Generator) -> Array:
