@@ -64,6 +64,7 @@ class RandomScene:
         free: whether the start is displaced, by up to 50 mm and 3 degrees an axis.
         on_map: whether the member lies at map coordinates.
         points: on the member, wanted.
+        told: whether the file names its stations; a fit must cope without.
     """
 
     seed: int
@@ -77,6 +78,7 @@ class RandomScene:
     free: bool
     on_map: bool
     points: int
+    told: bool = True
 
     def stage(self) -> Staged:
         """Return the design and the scan."""
@@ -106,6 +108,8 @@ class RandomScene:
         # An open section shows both sides of its plates to one station only by halves.
         clean = OPEN_MM if isinstance(element.profile, OPEN) and self.stations == 1 else CLEAN_MM
         limit = clean if self.clutter == "none" else CLUTTER_MM
+        if not self.told:
+            scan = replace(scan, stations=None, station_index=None)
         return Staged(element, scan, self.noise_m, np.full(element.segments + 1, limit), self.labels)
 
     @property
@@ -118,6 +122,7 @@ class RandomScene:
             "clutter": self.clutter,
             "faces": "half hidden" if self.hidden else "as seen",
             "start": "free" if self.free else "fixed",
+            "stations named": "yes" if self.told else "no",
             "noise": "3 to 5 mm" if self.noise_m > 0.0025 else "1.5 to 2 mm",
             "stands": self.stands,
         }
@@ -171,7 +176,7 @@ def scene(seed: int) -> RandomScene:
     if count > 1 and rng.random() < 0.3:
         pairs = [("+x", "+y"), ("+y", "-x"), ("-x", "-y"), ("-y", "+x")]
         out = replace(out, hidden=pairs[int(rng.integers(4))])
-    return out
+    return replace(out, told=bool(rng.random() < 0.5))
 
 
 def bent_angles(kind: str, segments: int, rng: np.random.Generator, most_deg: float = 45.0) -> Array:

@@ -10,7 +10,7 @@ import numpy as np
 from benchlib import gate
 from benchlib.scene_fits import RANDOM, SceneOutcome
 
-COLUMNS = ("profile", "bends", "stations", "clutter", "faces", "start", "noise", "stands")
+COLUMNS = ("profile", "bends", "stations", "stations named", "clutter", "faces", "start", "noise", "stands")
 WANTED_SUCCESS, WANTED_COVERED = 99.0, 90.0
 
 
