@@ -15,7 +15,14 @@ from threadpoolctl import ThreadpoolController
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
 from linear_ik.chain import BASE
 from linear_ik.descent import Descended, Log, Stage, descend, other_terms
-from linear_ik.doubts import doubts, quadrants, segments_turned_away, turned_away
+from linear_ik.doubts import (
+    doubts,
+    plates_too_thin,
+    quadrants,
+    segments_turned_away,
+    stepped_aside,
+    turned_away,
+)
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
@@ -224,6 +231,19 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if hidden.any():
         status = "uncertain" if status == "converged" else status
         reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
+    step = stepped_aside(pose)
+    if step is not None:
+        first, last, aside_m = step
+        status = "uncertain" if status == "converged" else status
+        where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
+        reasons += (f"it steps {1e3 * aside_m:.0f} mm aside at {where}: a neighbour may have been taken for it",)
+    thin = plates_too_thin(problem.surface, settled.pairs, settled.matched, noise_m)
+    if thin and problem.matcher.sights is None:
+        status = "uncertain" if status == "converged" else status
+        reasons += (
+            f"points scatter {1e3 * noise_m:.1f} mm: the two sides of the section's thin plates cannot be told apart "
+            "(a scan that names its stations can)",
+        )
     if settled.foreign.any():
         elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
         reasons += (
