@@ -2,7 +2,8 @@
 
 Scan point to model surface, by Open3D's closest-point query on the bent chain: the
 other direction (the paper's 3.2) invents a match wherever the scan has a hole.
-Neither normals nor stations are needed.
+Neither normals nor stations are needed; where stations are known, no point is given to a
+face that looks away from its station.
 """
 
 from __future__ import annotations
@@ -13,10 +14,14 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import Pose
+from linear_ik.sights import Sights
 from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
+
+# Cosine of the view to a face that is taken for turned away: 3 degrees beyond grazing, for a pose that is not final.
+TURNED_AWAY = -0.05
 
 
 @dataclass(frozen=True, eq=False)
@@ -54,13 +59,15 @@ class Matcher:
     computed on the exact faces in double precision.
     """
 
-    def __init__(self, surface: Surface, segment_length_m: Array) -> None:
-        """Prepare the meshes of the segments; their poses come with each query."""
+    def __init__(self, surface: Surface, segment_length_m: Array, sights: Sights | None = None) -> None:
+        """Prepare the meshes of the segments; their poses come with each query, the points' stations once."""
         import open3d as o3d
 
         self._core = o3d.core
         self._scene = o3d.t.geometry.RaycastingScene
         self.surface = surface
+        # A round section has one face: nothing to choose from.
+        self.sights = sights if surface.radius_m is None else None
         self.segment_length_m = segment_length_m
         # A round section has one face, whose residual needs no chords: a few will do to tell segments apart.
         outline = surface if surface.radius_m is None else surface.of_outline(surface.corners[::4], surface.radius_m)
@@ -83,9 +90,40 @@ class Matcher:
             local[rows] = (local[rows] - pose.nodes_m[k]) @ pose.rotations[k]
             z = local[rows, 2]
             np.subtract(z, np.clip(z, 0.0, self.segment_length_m[k]), out=beyond[rows])
+        if self.sights is not None:
+            face = self._seen(pose, self.sights.stations_of(points[order]), starts, local, face)
         residual, gradient = self.surface.offsets(local[:, :2], face)
         distance = np.sqrt(residual * residual + beyond * beyond)
         return Correspondences(order, starts, face, local, residual, gradient, distance)
+
+    def _seen(self, pose: Pose, stations: Array, starts: Index, local: Array, face: Index) -> Index:
+        """Return the faces [P], those that look away from their point's station replaced by the nearest that does not.
+
+        Args:
+            pose: of the chain.
+            stations: [P][3] that saw each point, element's frame.
+            starts: [N+1] first match of each segment, and P.
+            local: [P][3] points in their segment's frame.
+            face: [P] nearest to each.
+        """
+        surface, sight = self.surface, np.empty((len(local), 2))
+        for k in range(len(starts) - 1):
+            rows = slice(starts[k], starts[k + 1])
+            seen_from = (stations[rows] - pose.nodes_m[k]) @ pose.rotations[k]
+            seen_from -= local[rows]
+            sight[rows] = seen_from[:, :2] / np.linalg.norm(seen_from, axis=1, keepdims=True)
+        cosine = np.einsum("pi,pi->p", surface.normals[face], sight)
+        away = np.flatnonzero(cosine < TURNED_AWAY)
+        if not len(away):
+            return face
+        offset = local[away, None, :2] - surface.corners
+        along = np.clip(np.einsum("pei,ei->pe", offset, surface.tangents), 0.0, surface.widths_m)
+        offset -= along[:, :, None] * surface.tangents
+        squared = np.einsum("pei,pei->pe", offset, offset)
+        squared[sight[away] @ surface.normals.T < TURNED_AWAY] = np.inf
+        face = face.copy()
+        face[away] = squared.argmin(axis=1)
+        return face
 
     def _nearest_triangle(self, pose: Pose, points: Array, first: int, n: int) -> npt.NDArray[np.uint32]:
         """Return the nearest triangle [P] of segments ``first`` to n - 1, one mesh after the other."""

@@ -5,6 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.chain import Pose
 from linear_ik.correspondence import Correspondences
 from linear_ik.surface import Surface
 
@@ -15,6 +16,10 @@ ONE_SIDE = 0.95  # share of the points
 PARALLEL_REACH = 0.3  # of the section's size
 CLOSE_M = 0.03
 LEAST_SHARE = 0.3  # of the points of the side opposite
+ON_SURFACE = 4.0  # deviations
+LEAST_STEP_RAD, STEP_REACH = np.radians(10.0), 5  # joints
+THIN, THIN_SHARE = 4.0, 1 / 3  # deviations; share of the points
+MOST_TURNED_AWAY, LEAST_TURNED_AWAY = 0.2, 20  # of a segment's points
 
 
 def quadrants(directions: Array) -> npt.NDArray[np.intp]:
@@ -72,6 +77,68 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
                 f"another section than {size[0] * 1e3:.0f} x {size[1] * 1e3:.0f} mm, or a neighbour"
             )
     return tuple(out)
+
+
+def turned_away(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> Mask:
+    """Return which points [P] lie on a face that looks away from their station, and on none that does not.
+
+    Where stations are unknown there are none: every point then has its nearest face.
+
+    Args:
+        surface: the section the points were matched to.
+        pairs: matches to faces that may be seen.
+        matched: [P] which of them lie on the surface.
+        noise_m: standard deviation of a point.
+    """
+    out = ~matched & (np.abs(pairs.residual_m) > ON_SURFACE * noise_m)
+    if surface.radius_m is None:
+        out[out] = surface.distances(pairs.local[out, :2]) < ON_SURFACE * noise_m
+    else:
+        out[:] = False
+    return np.asarray(out)
+
+
+def segments_turned_away(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> Mask:
+    """Return the segments [N] of which a fifth of the points `turned_away`; arguments as there."""
+    away = turned_away(surface, pairs, matched, noise_m)
+    n = len(pairs.starts) - 1
+    count, on = (np.bincount(pairs.segment[rows], minlength=n) for rows in (away, matched))
+    return np.asarray((count >= LEAST_TURNED_AWAY) & (count > MOST_TURNED_AWAY * (count + on)))
+
+
+def stepped_aside(pose: Pose) -> tuple[int, int, float] | None:
+    """Return the segments (from 0) between which a chain steps aside, and how far, or None.
+
+    Two sharp bends near each other, that cancel in a member which hardly bends elsewhere:
+    steel does not do that. The chain crosses over to a neighbour, whose points explain it
+    as well.
+    """
+    along = pose.rotations[:, :, 2]
+    bends = np.arccos(np.clip(np.einsum("ki,ki->k", along[1:], along[:-1]), -1.0, 1.0))
+    for i in range(len(bends)):
+        for j in range(i + 1, min(i + STEP_REACH, len(bends))):
+            lesser, greater = sorted((bends[i], bends[j]))
+            rest = np.delete(bends, slice(i, j + 1))
+            left = np.arccos(np.clip(along[i] @ along[j + 1], -1.0, 1.0))
+            if lesser > LEAST_STEP_RAD and left < 0.4 * greater and rest.max(initial=0.0) < lesser / 3.0:
+                offset = pose.nodes_m[j + 1] - pose.nodes_m[i + 1]
+                return i + 1, j, float(np.linalg.norm(offset - (offset @ along[i]) * along[i]))
+    return None
+
+
+def plates_too_thin(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> bool:
+    """Whether a third of the points lie on plates less than 4 deviations thick, told apart by nothing else.
+
+    The points of one side of such a plate are nearer to the other side, one in forty and
+    more: the section shifts to where those few want it, and the covariance does not know.
+    """
+    if surface.radius_m is not None or not matched.any():
+        return False
+    middle = surface.corners + 0.5 * surface.widths_m[:, None] * surface.tangents
+    half_m = 0.5 * THIN * noise_m
+    thin = surface.distances(middle - half_m * surface.normals) < 0.999 * half_m
+    thin &= surface.widths_m > 2.0 * THIN * noise_m  # not the edges of the plates themselves
+    return bool(np.mean(thin[pairs.face[matched]]) > THIN_SHARE)
 
 
 SIDES = ("+x", "+y", "-x", "-y")

@@ -16,7 +16,14 @@ from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spr
 from linear_ik.chain import BASE, Pose
 from linear_ik.coordinates import coarse_step_m, unit_hint
 from linear_ik.descent import Descended, Log, Stage, descend, known_terms
-from linear_ik.doubts import doubts, quadrants
+from linear_ik.doubts import (
+    doubts,
+    plates_too_thin,
+    quadrants,
+    segments_turned_away,
+    stepped_aside,
+    turned_away,
+)
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
 from linear_ik.icpik import icpik
@@ -24,7 +31,7 @@ from linear_ik.ik_step import Solver, make_solver
 from linear_ik.outliers import without_outliers
 from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
-from linear_ik.result import FitResult, IterationRecord, SegmentResult
+from linear_ik.result import FitResult, IterationRecord, SegmentResult, Status
 from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
@@ -45,6 +52,7 @@ ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12
 COARSE_POINTS_A_SEGMENT = 100
 SETTLE_POINTS_A_SEGMENT = 300
+MISPLACED = 0.3  # share of all points, from where on the stations are
 NEAR_M = 0.1  # after a search, only points this near to the chain are looked at again
 SEARCH_POINTS_A_SEGMENT = 300
 
@@ -80,15 +88,12 @@ def fit(
         raise ElementError("element", f"a {type(element).__name__}", "an Element, such as load_element(path)")
     # Small matrices get ten times slower when BLAS spreads them over busy cores.
     with thread_pools().limit(limits=1):
-        return coarseness_said(_fit(element, scan, settings or FitSettings(), on_iteration), scan)
+        log = Log(on_iteration, element.placement.T_world_element)
+        return coarseness_said(_fit(element, scan, settings or FitSettings(), log, Clock()), scan)
 
 
-def _fit(
-    element: Element, scan: Scan, settings: FitSettings, on_iteration: Callable[[IterationRecord], object] | None
-) -> FitResult:
-    clock = Clock()
+def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     solver = make_solver(settings.solver)
-    log = Log(on_iteration, element.placement.T_world_element)
     problem = Problem.of(element, scan)
     if settings.outlier_removal:
         problem = problem.seeing(without_outliers(problem.points))
@@ -117,6 +122,13 @@ def _fit(
     some = sample(problem, found.pose, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
+    away = turned_away(settled.problem.surface, settled.pairs, settled.matched, settled.noise_m)
+    if away.sum() > MISPLACED * (away | settled.matched).sum():
+        # Files name stations that are none: the file's own origin, say.
+        result = _fit(element, Scan(scan.points, scan.normals), settings, log, clock)
+        reason = "many points lie on faces that their stations cannot see: the stations were not used"
+        status: Status = "uncertain" if result.status == "converged" else result.status
+        return replace(result, status=status, reasons=(*result.reasons, reason))
     return conclude(settled, settings, log, clock)
 
 
@@ -253,6 +265,23 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if doubted:
         status = "uncertain" if status == "converged" else status
         reasons += doubted
+    hidden = segments_turned_away(problem.surface, settled.pairs, settled.matched, noise_m)
+    if hidden.any():
+        status = "uncertain" if status == "converged" else status
+        reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
+    step = stepped_aside(pose)
+    if step is not None:
+        first, last, aside_m = step
+        status = "uncertain" if status == "converged" else status
+        where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
+        reasons += (f"it steps {1e3 * aside_m:.0f} mm aside at {where}: a neighbour may have been taken for it",)
+    thin = plates_too_thin(problem.surface, settled.pairs, settled.matched, noise_m)
+    if thin and problem.matcher.sights is None:
+        status = "uncertain" if status == "converged" else status
+        reasons += (
+            f"points scatter {1e3 * noise_m:.1f} mm: the two sides of the section's thin plates cannot be told apart "
+            "(a scan that names its stations can)",
+        )
     if settled.foreign.any():
         elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
         reasons += (

@@ -12,6 +12,7 @@ from linear_ik.correspondence import Matcher
 from linear_ik.duplicates import point_keys, repeated
 from linear_ik.element import Element
 from linear_ik.scan import Scan
+from linear_ik.sights import Sights
 from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
@@ -57,7 +58,10 @@ class Problem:
         surface = Surface.of(element.profile)
         T = element.placement.T_world_element
         slack_m = float(np.linalg.norm(chain.upper[:3])) + surface.reach_m + 0.1
-        points = in_reach(scan.points, T, element.length_m + slack_m)
+        points, near = in_reach(scan.points, T, element.length_m + slack_m)
+        sights = None
+        if scan.stations is not None and scan.station_index is not None:
+            sights = Sights.of(points, (scan.stations - T[:3, 3]) @ T[:3, :3], scan.station_index[near])
         movable = chain.upper > chain.lower
         if surface.radius_m is not None:
             movable[BASE::3] = False
@@ -71,7 +75,7 @@ class Problem:
             element,
             chain,
             surface,
-            Matcher(surface, chain.segment_length_m),
+            Matcher(surface, chain.segment_length_m, sights),
             points,
             np.flatnonzero(movable),
             sd,
@@ -103,7 +107,9 @@ class Problem:
 
     def measuring(self, surface: Surface) -> Problem:
         """Return the problem with the section as it measures."""
-        return replace(self, surface=surface, matcher=Matcher(surface, self.chain.segment_length_m))
+        return replace(
+            self, surface=surface, matcher=Matcher(surface, self.chain.segment_length_m, self.matcher.sights)
+        )
 
     @property
     def straight(self) -> Array:
@@ -111,19 +117,23 @@ class Problem:
         return self.chain.clip(np.zeros(self.chain.nv))
 
 
-def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:
-    """Return the points [P][3] within ``reach_m`` of the element's start, each once, in the element's frame.
+def in_reach(points: Array, T_world_element: Array, reach_m: float) -> tuple[Array, npt.NDArray[np.bool_]]:
+    """Return the points within ``reach_m`` of the element's start, each once, in the element's frame.
 
     Clouds of more than a million points come back in single precision: at the element's
     size that is a tenth of a micrometre, and half the memory.
+
+    Returns:
+        The points, and which [P] of all they are.
     """
     out = np.empty(points.shape, dtype=np.float64 if len(points) <= MANY_POINTS else np.float32)
     keys = np.empty(len(points), dtype=np.uint64)
-    count = 0
+    count, kept = 0, np.empty(len(points), dtype=bool)
     for start in range(0, len(points), POINTS_A_PIECE):
         piece = points[start : start + POINTS_A_PIECE]
         local = (piece - T_world_element[:3, 3]) @ T_world_element[:3, :3]
         near = np.einsum("ij,ij->i", local, local) <= reach_m**2
+        kept[start : start + POINTS_A_PIECE] = near
         if not near.all():
             piece, local = piece[near], local[near]
         out[count : count + len(local)] = local
@@ -131,7 +141,10 @@ def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:
         count += len(local)
     out = out[:count]
     again = repeated(keys[:count], out)
-    return out if again is None else out[~again]
+    if again is None:
+        return out, kept
+    kept[np.flatnonzero(kept)[again]] = False
+    return out[~again], kept
 
 
 def thinned(points: Array, cell_m: float, seed: int) -> Array:

@@ -70,7 +70,7 @@ def test_keys_of_a_millimetre_grid_are_all_different() -> None:
 def test_memory_stays_within_three_times_the_points(copies: int) -> None:
     points = np.tile(np.random.default_rng(0).uniform(-1, 1, (2_000_000 // copies, 3)), (copies, 1))
     tracemalloc.start()
-    kept = in_reach(points, np.eye(4), 2.0)
+    kept, _ = in_reach(points, np.eye(4), 2.0)
     _, peak = tracemalloc.get_traced_memory()
     tracemalloc.stop()
     assert len(kept) == 2_000_000 // copies and peak < 3 * points.nbytes

@@ -99,11 +99,13 @@ def test_many_points_are_kept_in_single_precision(monkeypatch: pytest.MonkeyPatc
     rng = np.random.default_rng(0)
     T = Placement((512_345.678, 5_412_345.678, 321.5), axis=(0.3, -0.7, 0.2)).T_world_element
     points = T[:3, 3] + rng.uniform(-4, 4, (1000, 3))
-    few = in_reach(points, T, 3.0)
+    few, kept = in_reach(points, T, 3.0)
     monkeypatch.setattr("linear_ik.problem.MANY_POINTS", 300)
-    many = in_reach(points, T, 3.0)
+    many, kept_of_many = in_reach(points, T, 3.0)
     near = np.linalg.norm(points - T[:3, 3], axis=1) <= 3.0
     assert few.dtype == np.float64 and many.dtype == np.float32 and len(few) == len(many) == near.sum()
+    np.testing.assert_array_equal(kept, near)
+    np.testing.assert_array_equal(kept_of_many, near)
     np.testing.assert_allclose(few, (points - T[:3, 3])[near] @ T[:3, :3], rtol=0, atol=1e-12)
     np.testing.assert_allclose(many, few, rtol=0, atol=2e-7)
 

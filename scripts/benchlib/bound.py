@@ -52,23 +52,37 @@ class Bound:
 
 
 def cramer_rao(element: Element, scan: SimulatedScan, noise_m: float) -> Bound:
-    """Return the bound for a scan whose truth is known; the base is taken as known.
+    """Return the bound for a scan whose truth is known; a held base is taken as known.
 
     Angles that no point shows are uniform within their limits: that is all that is known
     of them.
+    """
+    covariance = node_covariance(element, scan, noise_m)[1:]
+    deviation = np.sqrt(np.trace(covariance, axis1=1, axis2=2))
+    return Bound(deviation, bool(deviation.max() <= UNSEEN_M))
+
+
+def node_covariance(element: Element, scan: SimulatedScan, noise_m: float) -> Array:
+    """Return the least covariance [N+1][3][3] of the nodes, scan's coordinates, m^2.
+
+    A base that may move is uniform within its tolerance. Faces count, end caps do not:
+    no method that knows the lateral surface alone can use them.
     """
     chain = Chain.of(element)
     pose = chain.pose(chain.with_q(scan.q))
     R, t = scan.base_pose[:3, :3], scan.base_pose[:3, 3]
     on = scan.on_element
     points, normals, segment = (scan.points[on] - t) @ R, scan.surface_normals[on] @ R, scan.segment[on]
-    information = np.diag(3.0 / np.tile(element.joint_limit_rad[::-1], element.segments) ** 2)
+    reach = np.concatenate([chain.upper[:BASE], np.tile(element.joint_limit_rad[::-1], element.segments)])
+    free = np.flatnonzero(reach > 0)
+    information = np.diag(3.0 / reach[free] ** 2)
     a = np.column_stack([normals, np.cross(points, normals)])
     for k in range(1, element.segments + 1):
-        rows = a[segment == k] @ pose.segment_jacobian(k)[:, BASE:]
+        along = pose.rotations[k - 1, :, 2]
+        lateral = np.abs(normals @ along) < 0.5
+        rows = a[(segment == k) & lateral] @ pose.segment_jacobian(k)[:, free]
         information += rows.T @ rows / max(noise_m, 1e-9) ** 2
     scale = 1.0 / np.sqrt(np.diag(information))
     C = np.linalg.inv(information * scale * scale[:, None]) * scale * scale[:, None]
-    A = pose.node_jacobians()[1:, :, BASE:]
-    deviation = np.sqrt(np.einsum("kai,ij,kaj->k", A, C, A, optimize=True))
-    return Bound(deviation, bool(deviation.max() <= UNSEEN_M))
+    A = R @ pose.node_jacobians()[:, :, free]
+    return np.asarray(np.einsum("kai,ij,kbj->kab", A, C, A, optimize=True))

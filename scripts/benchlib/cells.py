@@ -8,13 +8,13 @@ import multiprocessing
 import os
 import sys
 import time
-from collections.abc import Iterable, Sequence
+from collections.abc import Callable, Iterable, Mapping, Sequence
 from contextlib import suppress
 from dataclasses import asdict, dataclass
 from functools import cache
 from importlib.metadata import PackageNotFoundError, version
 from pathlib import Path
-from typing import Any, get_args
+from typing import Any, TypeVar, get_args
 
 import numpy as np
 
@@ -29,6 +29,9 @@ PACKAGES = ("numpy", "scipy", "open3d-cpu", "open3d", "osqp", "qpsolvers", "pin"
 ONE_THREAD = {"OMP_NUM_THREADS": "1", "OPENBLAS_NUM_THREADS": "1"}
 # What no fit depends on: files, formats and screens.
 ROOMS_ABOVE = ("cli", "exports", "readers", "viewer", "viewer_page", "example", "__main__", "report", "batch")
+
+
+J = TypeVar("J")
 
 
 @dataclass(frozen=True)
@@ -103,33 +106,62 @@ def run_all(cells: Sequence[Cell], folder: Path, workers: int, code: Sequence[st
         workers: processes.
         code: files beside this one that the outcomes depend on too.
     """
+    jobs = {cell.key(seed): (cell, seed) for cell in cells for seed in cell.seeds}
+    found = keep(jobs, _run_one, folder, workers, code)
+    return {cell: [Outcome(**found[cell.key(seed)]) for seed in cell.seeds] for cell in cells}
+
+
+def keep(
+    jobs: Mapping[str, J],
+    run: Callable[[J], Mapping[str, Any]],
+    folder: Path,
+    workers: int,
+    code: Sequence[str] = (),
+    every: int = 50,
+) -> dict[str, dict[str, Any]]:
+    """Return what each job came to, taken from the cache where it is there.
+
+    Args:
+        jobs: by a name that is good for a file.
+        run: does one; a function of a module, so that other processes find it. What it
+            returns is ready for JSON.
+        folder: the cache; what was made by other code than today's is not used.
+        workers: processes.
+        code: files beside this one that the outcomes depend on too.
+        every: how many fits are done between two words on standard error.
+    """
     kept = folder / fingerprint(code)
     kept.mkdir(parents=True, exist_ok=True)
     (folder / ".gitignore").write_text("*\n", encoding="utf-8")
-    jobs = [(cell, seed) for cell in cells for seed in cell.seeds]
-    left = [job for job in jobs if not (kept / f"{job[0].key(job[1])}.json").exists()]
+    left = [(run, name, job) for name, job in jobs.items() if not (kept / f"{name}.json").exists()]
     print(f"{len(jobs)} fits, {len(jobs) - len(left)} of them done before", file=sys.stderr, flush=True)
     started = time.monotonic()
-    for done, (cell, seed, outcome) in enumerate(_results(left, workers), start=1):
-        path = kept / f"{cell.key(seed)}.json"
-        path.with_suffix(".new").write_text(json.dumps(asdict(outcome)), encoding="utf-8")
+    for done, (name, outcome) in enumerate(_results(left, workers), start=1):
+        path = kept / f"{name}.json"
+        path.with_suffix(".new").write_text(json.dumps(outcome), encoding="utf-8")
         path.with_suffix(".new").replace(path)
-        if done % 50 == 0 or done == len(left):
+        if done % every == 0 or done == len(left):
             spent = time.monotonic() - started
             print(f"{done} of {len(left)} fits, {spent:.0f} s", file=sys.stderr, flush=True)
-    return {
-        cell: [Outcome(**json.loads((kept / f"{cell.key(s)}.json").read_text(encoding="utf-8"))) for s in cell.seeds]
-        for cell in cells
-    }
+    return {name: json.loads((kept / f"{name}.json").read_text(encoding="utf-8")) for name in jobs}
 
 
-def _results(jobs: list[tuple[Cell, int]], workers: int) -> Iterable[tuple[Cell, int, Outcome]]:
+def _results(jobs: list[tuple[Any, str, Any]], workers: int) -> Iterable[tuple[str, Mapping[str, Any]]]:
     if workers <= 1 or len(jobs) <= 1:
-        yield from map(run_one, jobs)
+        yield from map(_named, jobs)
         return
     os.environ.update(ONE_THREAD)
     with multiprocessing.get_context("spawn").Pool(workers) as pool:
-        yield from pool.imap_unordered(run_one, jobs, chunksize=1)
+        yield from pool.imap_unordered(_named, jobs, chunksize=1)
+
+
+def _named(job: tuple[Callable[[Any], Mapping[str, Any]], str, Any]) -> tuple[str, Mapping[str, Any]]:
+    run, name, what = job
+    return name, run(what)
+
+
+def _run_one(job: tuple[Cell, int]) -> dict[str, Any]:
+    return asdict(run_one(job)[2])
 
 
 def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
@@ -149,7 +181,7 @@ def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
         case = named(cell.case)
         element, scan, noise_m, points = case.element, case.scan(seed, cell.points), NOISE_M, cell.points
     bound = cramer_rao(element, scan, noise_m)
-    _warm_up()
+    warm_up_once()
     with patched((icpik, "MODEL_POINTS", points)):
         if cell.method in get_args(Method):
             started = time.perf_counter()
@@ -178,7 +210,7 @@ def run_one(job: tuple[Cell, int]) -> tuple[Cell, int, Outcome]:
 
 
 @cache
-def _warm_up() -> None:
+def warm_up_once() -> None:
     """Fit once in each process before anything is timed: the first fit pays for the imports."""
     case = named("1b")
     warm_up(case.element, case.scan(1, 1_000))

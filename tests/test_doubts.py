@@ -1,0 +1,67 @@
+"""Doubts that the shape of a fit and the thickness of its plates raise."""
+
+from __future__ import annotations
+
+import numpy as np
+import pytest
+
+import linear_ik
+from linear_ik import Chain, Element, IShape, Rectangle, Scan, TShape, scan_virtually
+from linear_ik.bending import bend_element
+from linear_ik.doubts import stepped_aside
+
+BEAM = Element("beam", Rectangle(0.1, 0.3), 3.0, 10)
+
+
+def pose_of(*bends: str):
+    chain = Chain.of(BEAM)
+    return chain.pose(chain.with_q(bend_element(BEAM, bends).q))
+
+
+@pytest.mark.parametrize(
+    ("bends", "where"), [(("2:y:30", "3:y:-30"), (1, 1)), (("3:x:36", "5:x:-45", "6:x:9", "9:y:2"), (2, 3))]
+)
+def test_a_step_aside_is_seen(bends, where):
+    first, last, aside_m = stepped_aside(pose_of(*bends))
+    assert (first, last) == where
+    assert 0.14 < aside_m < 0.5
+
+
+@pytest.mark.parametrize(
+    "bends",
+    [
+        (),
+        ("5:y:45",),
+        ("3:y:20", "5:x:-20"),
+        ("3:y:20", "4:y:20"),
+        ("2:x:4.7", "6:x:-9.4", "10:x:4.7"),
+        tuple(f"{k}:y:{10 * (-1) ** k}" for k in range(2, 11)),
+    ],
+    ids=["straight", "knee", "two axes", "arc", "sag", "zigzag"],
+)
+def test_and_nothing_else_is(bends):
+    assert stepped_aside(pose_of(*bends)) is None
+
+
+@pytest.mark.parametrize(
+    ("profile", "noise_m", "doubted"),
+    [(TShape(0.1, 0.1, 0.011, 0.011), 0.0045, True), (IShape(0.3, 0.3, 0.011, 0.019), 0.0015, False)],
+    ids=["thin", "thick"],
+)
+def test_plates_as_thin_as_the_noise_are_said_where_no_station_tells_their_sides(profile, noise_m, doubted):
+    element = Element("thin", profile, 2.0, 6)
+    scan = scan_virtually(element, stations=[[4, 1, 1.6]], bends=["4:y:11"], range_noise_m=noise_m, points=6000, seed=1)
+    for told, given in ((True, scan.without_truth()), (False, Scan(scan.points))):
+        said = any("thin plates" in reason for reason in linear_ik.fit(element, given).reasons)
+        assert said == (doubted and not told)
+
+
+def test_a_thin_plate_is_wrong_or_doubted():
+    element = Element("thin", TShape(0.1, 0.1, 0.011, 0.011), 2.0, 6)
+    for seed in range(1, 5):
+        scan = scan_virtually(
+            element, stations=[[4, 1, 1.6]], bends=["5:y:11"], range_noise_m=0.0045, points=6000, seed=seed
+        )
+        result = linear_ik.fit(element, Scan(scan.points))
+        error_m = np.linalg.norm(result.nodes_m - scan.nodes_m, axis=1).max()
+        assert error_m < 0.0015 or result.status != "converged"
