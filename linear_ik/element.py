@@ -15,6 +15,7 @@ import numpy.typing as npt
 from linear_ik.errors import ElementError
 from linear_ik.outline import as_float
 from linear_ik.profile import Profile
+from linear_ik.taper import between, check_taper
 
 Array = npt.NDArray[np.float64]
 Start = Literal["fixed", "pinned", "roller", "free"]
@@ -106,7 +107,7 @@ class PlacementTolerance:
 
 @dataclass(frozen=True)
 class Element:
-    """A designed linear element: an extruded profile along a straight axis.
+    """A designed linear element: a profile along an axis.
 
     Attributes:
         name: used in files and messages.
@@ -120,6 +121,8 @@ class Element:
         placement_tolerance: what ``start: free`` and the slide of ``start: roller`` allow.
         end_tolerance_m: how exactly a held end keeps its place (1 sigma).
         density_kg_m3: for the inertia in the URDF; steel when not given.
+        profile_end: the section at the end of a tapered element, of the type of
+            ``profile``, which is then the one at the start; it varies linearly between.
 
     Raises:
         ElementError: a value out of its range, named.
@@ -136,6 +139,7 @@ class Element:
     placement_tolerance: PlacementTolerance = field(default_factory=PlacementTolerance)
     end_tolerance_m: float = 0.005
     density_kg_m3: float = 7850.0
+    profile_end: Profile | None = None
 
     def __post_init__(self) -> None:
         """Check every field and normalise the numbers."""
@@ -145,6 +149,8 @@ class Element:
             raise ElementError("name", "too long, or with control characters", "up to 200 printable characters")
         if not isinstance(self.profile, Profile):
             raise ElementError("profile", f"{self.profile!r}", "a profile, such as Rectangle(0.1, 0.3)")
+        if self.profile_end is not None:
+            check_taper(self.profile, self.profile_end)
         if not isinstance(self.placement, Placement):
             raise ElementError("placement", reprlib.repr(self.placement), "a Placement")
         if not isinstance(self.placement_tolerance, PlacementTolerance):
@@ -182,6 +188,23 @@ class Element:
     def segment_length_m(self) -> float:
         """Length of each segment."""
         return self.length_m / self.segments
+
+    @property
+    def is_tapered(self) -> bool:
+        """Whether the section varies along the element."""
+        return self.profile_end is not None and self.profile_end != self.profile
+
+    def profile_at(self, share: float) -> Profile:
+        """Return the section at ``share`` (0 to 1) of the length."""
+        if self.profile_end is None or not self.is_tapered:
+            return self.profile
+        return between(self.profile, self.profile_end, share)
+
+    def segment_profiles(self, k: int) -> tuple[Profile, Profile | None]:
+        """Return the sections at the start and at the end of segment k, counted from 0; None: the same one."""
+        if not self.is_tapered:
+            return self.profile, None
+        return self.profile_at(k / self.segments), self.profile_at((k + 1) / self.segments)
 
     @property
     def joint_limit_rad(self) -> Array:

@@ -83,6 +83,7 @@ def element_to_mapping(element: Element) -> dict[str, Any]:
         "placement_tolerance": {key: getattr(element.placement_tolerance, key) for key in _TOLERANCE_KEYS},
         "end_tolerance_m": element.end_tolerance_m,
         "density_kg_m3": element.density_kg_m3,
+        **({} if element.profile_end is None else {"profile_end": profile_to_mapping(element.profile_end)}),
     }
 
 
@@ -211,6 +212,7 @@ def _limits(name: str, value: object) -> object:
 _READERS: dict[str, Callable[[str, object], object]] = {
     "name": _text,
     "profile": _profile,
+    "profile_end": _profile,
     "segments": _segments,
     "placement": _placement,
     "start": _text,

@@ -25,8 +25,8 @@ from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
 from linear_ik.startup import Startup
-from linear_ik.surface import Surface
 from linear_ik.tally import nearby
+from linear_ik.tapered_surface import surface_of
 from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
 
@@ -222,7 +222,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if settled.misfit is not None:
         if not settled.misfit.plausible:
             status = "uncertain" if status == "converged" else status
-        reasons += (settled.misfit.sentence(Surface.of(problem.element.profile)),)
+        reasons += (settled.misfit.sentence(surface_of(problem.element)),)
     rmse_m = cloud_rmse(problem, pose, settled.tally, settled.pairs, settled.matched, settings.seed)
     clock.lap("assess")
     return in_scan_coordinates(

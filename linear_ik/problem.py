@@ -12,6 +12,7 @@ from linear_ik.correspondence import Matcher
 from linear_ik.element import Element
 from linear_ik.scan import Scan
 from linear_ik.surface import Surface
+from linear_ik.tapered_surface import TaperedSurface, surface_of
 
 Array = npt.NDArray[np.float64]
 
@@ -34,7 +35,7 @@ class Problem:
         points: [P][3] scan points within the element's reach.
         variables: [n] which of the chain's variables move: those with room in their
             box, less the torsion of a round section, which no point can see, and less the
-            slide along the axis until `released`.
+            slide along the axis until `released`, unless the shape itself shows it.
         prior_sd: [6 + 3N] standard deviation of each variable before the scan is seen.
         prior_mean: [6 + 3N] its mean: the design.
     """
@@ -52,7 +53,7 @@ class Problem:
     def of(cls, element: Element, scan: Scan) -> Problem:
         """Prepare the fit of ``element`` to ``scan``."""
         chain = Chain.of(element)
-        surface = Surface.of(element.profile)
+        surface = surface_of(element)
         T = element.placement.T_world_element
         slack_m = float(np.linalg.norm(chain.upper[:3])) + surface.reach_m + 0.1
         points = in_reach(scan.points, T, element.length_m + slack_m)
@@ -60,7 +61,7 @@ class Problem:
         if surface.radius_m is not None:
             movable[BASE::3] = False
         # Faces do not show a slide along them, so it is held until something else does.
-        movable[AXIAL] &= element.end in ("pinned", "fixed")
+        movable[AXIAL] &= element.end in ("pinned", "fixed") or isinstance(surface, TaperedSurface)
         sd = np.tile([TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD], element.segments + 2)
         sd[BASE : BASE + 3] = FIRST_JOINT_SD_RAD
         # A base that may move is expected anywhere in its box: uniform has this deviation.
@@ -90,8 +91,8 @@ class Problem:
         return replace(self, variables=np.union1d(self.variables, [AXIAL]))
 
     def held(self) -> Problem:
-        """Return the problem with the slide along the axis held, unless an end holds it already."""
-        if self.element.end in ("pinned", "fixed"):
+        """Return the problem with the slide along the axis held, unless an end or the shape does so already."""
+        if self.element.end in ("pinned", "fixed") or isinstance(self.surface, TaperedSurface):
             return self
         return replace(self, variables=np.setdiff1d(self.variables, [AXIAL]))
 

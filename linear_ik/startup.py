@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import BASE
 from linear_ik.descent import Log, Stage, descend
-from linear_ik.distance_field import NEAR_M, DistanceField
+from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.repair import repair
@@ -63,7 +63,7 @@ class Startup:
         self.problem, self.points, self.noise_m = problem, points, noise_m
         self.settings, self.solver, self.log = settings, solver, log
         self.tau_m = float(np.clip(4.0 * noise_m, LEAST_TAU_M, MOST_TAU_M))
-        self.field = DistanceField(problem.surface)
+        self.fields = distance_fields(problem.surface)
         self.rng = np.random.default_rng(settings.seed)
         self.floating = bool(problem.chain.upper[0] > 0)
 
@@ -77,7 +77,7 @@ class Startup:
         # The two sides of a thin plate are told apart by a score no wider than the noise asks for.
         sharp_m = float(np.clip(2.5 * self.noise_m, LEAST_TAU_M / 2, self.tau_m))
         sharply = partial(self.score, tau_m=sharp_m)
-        return repair(self.problem, x, self.around(x), self.field, sharp_m, self.finish, sharply)
+        return repair(self.problem, x, self.around(x), self.fields, sharp_m, self.finish, sharply)
 
     def extend(self, parent: Hypothesis, k: int, alone: bool) -> list[Hypothesis]:
         """Return the ways to add segment k (from 0) to a hypothesis."""
@@ -131,7 +131,7 @@ class Startup:
         around = local[beside & (local[:, 2] > 0.1 * length) & (local[:, 2] < 0.9 * length)]
         if len(around) < 12:
             return False
-        share = float(np.mean(self.problem.surface.distances(around[:, :2]) < self.tau_m))
+        share = float(np.mean(self.problem.surface.section(k).distances(around[:, :2]) < self.tau_m))
         usual = float(np.median(h.support))
         return share >= EXPLAINED_SHARE and h.support[k] >= 0.6 * usual
 
@@ -148,7 +148,8 @@ class Startup:
         shifts = self.shifts() if first == 0 else np.zeros((1, 3))
         bends = self.bends(first, parent.x)
         turns = before @ bend_rotations(bends)
-        scores = np.stack([self.field.scores(points - pose.nodes_m[first] - s, turns, length) for s in shifts])
+        field = self.fields((first + k) // 2)
+        scores = np.stack([field.scores(points - pose.nodes_m[first] - s, turns, length) for s in shifts])
         row = BASE + 3 * first + 1
         scores -= 0.5 * ((bends / self.problem.prior_sd[row : row + 2]) ** 2).sum(axis=1)
         wanted = 8 if len(shifts) > 1 else CHILDREN
