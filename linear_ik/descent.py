@@ -210,18 +210,19 @@ def other_terms(
 ) -> Objective:
     """Return the sum of all terms but the points' and the damping.
 
-    The end's support counts once the whole chain has ``grown``; Q and C are weighed
-    against the information of the ``points``.
+    The end's support counts once the whole chain has ``grown``; Q and C are of the bends
+    against the design, and weighed against the information of the ``points``.
     """
     moving = np.arange(len(x)) if moving is None else moving
+    bends = x - problem.prior_mean
     information = points.mean_information()
     objective = prior(x[moving], problem.prior_mean[moving], (noise_m / problem.prior_sd[moving]) ** 2)
     if problem.element.end != "free" and grown in (None, pose.n_segments):
         objective += end_support(problem.element, pose, noise_m**2).of(moving)
     if settings.weights.continuity:
-        objective += continuity(x, settings.weights.continuity * information).of(moving)
+        objective += continuity(bends, settings.weights.continuity * information).of(moving)
     if settings.weights.directional:
-        objective += directional_constraint(x, settings.weights.directional * information).of(moving)
+        objective += directional_constraint(bends, settings.weights.directional * information).of(moving)
     return objective
 
 

@@ -133,7 +133,7 @@ def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver
         Where it ended, and whether that can only be right.
     """
     stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, PLAIN_ITERATIONS, 1e-3)
-    found, turned = descend(problem, problem.straight, stage, settings, solver, log), 0
+    found, turned = descend(problem, problem.designed, stage, settings, solver, log), 0
     while not (sure := believed(problem, found)).all():
         doubtful = int(sure.argmin())
         if doubtful <= turned or settings.search != "auto":
@@ -243,7 +243,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
 
 def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
-    x = problem.straight
+    x = problem.designed
     pose = problem.chain.pose(x)
     nothing = Objective(np.zeros((len(x), len(x))), np.zeros(len(x)))
     objective = other_terms(problem, x, pose, nothing, 1e-3, settings)

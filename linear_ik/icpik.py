@@ -54,7 +54,7 @@ def icpik(problem: Problem, settings: FitSettings, solver: Solver, log: Log) -> 
         term=point_to_point,
         close_m=STOP_M,
     )
-    return descend(problem, problem.straight, stage, settings, solver, log)
+    return descend(problem, problem.designed, stage, settings, solver, log)
 
 
 def inverse_distance(pairs: CloudPairs) -> Array:

@@ -19,6 +19,7 @@ Array = npt.NDArray[np.float64]
 AXIAL = 2
 MANY_POINTS = 1_000_000
 BEND_SD_RAD = np.radians(10.0)
+CURVED_RAD = np.radians(10.0)  # from the element's Z; a translation along it then shows
 TWIST_SD_RAD = np.radians(5.0)
 FIRST_JOINT_SD_RAD = np.radians(5.0)
 
@@ -61,7 +62,7 @@ class Problem:
         if surface.radius_m is not None:
             movable[BASE::3] = False
         # Faces do not show a slide along them, so it is held until something else does.
-        movable[AXIAL] &= element.end in ("pinned", "fixed") or isinstance(surface, TaperedSurface)
+        movable[AXIAL] &= element.end in ("pinned", "fixed") or shows_slide(element, surface)
         sd = np.tile([TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD], element.segments + 2)
         sd[BASE : BASE + 3] = FIRST_JOINT_SD_RAD
         # A base that may move is expected anywhere in its box: uniform has this deviation.
@@ -74,7 +75,7 @@ class Problem:
             points,
             np.flatnonzero(movable),
             sd,
-            np.zeros(chain.nv),
+            chain.with_q(element.design.angles_rad[:, ::-1].ravel()),
         )
 
     def seeing(self, points: Array) -> Problem:
@@ -92,7 +93,7 @@ class Problem:
 
     def held(self) -> Problem:
         """Return the problem with the slide along the axis held, unless an end or the shape does so already."""
-        if self.element.end in ("pinned", "fixed") or isinstance(self.surface, TaperedSurface):
+        if self.element.end in ("pinned", "fixed") or shows_slide(self.element, self.surface):
             return self
         return replace(self, variables=np.setdiff1d(self.variables, [AXIAL]))
 
@@ -105,9 +106,15 @@ class Problem:
         return replace(self, surface=surface, matcher=Matcher(surface, self.chain.segment_length_m))
 
     @property
-    def straight(self) -> Array:
+    def designed(self) -> Array:
         """[6 + 3N] the design, put into the joint limits."""
-        return self.chain.clip(np.zeros(self.chain.nv))
+        return self.chain.clip(self.chain.with_q(self.element.design.angles_rad[:, ::-1].ravel()))
+
+
+def shows_slide(element: Element, surface: Surface) -> bool:
+    """Whether the shape itself shows a slide along the element's Z: it tapers, or leads elsewhere."""
+    leads_elsewhere = element.design.rotations[:, 2, 2].min() < np.cos(CURVED_RAD)
+    return bool(leads_elsewhere) or isinstance(surface, TaperedSurface)
 
 
 def in_reach(points: Array, T_world_element: Array, reach_m: float) -> Array:

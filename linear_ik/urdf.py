@@ -43,12 +43,10 @@ def generate_urdf(element: Element, mesh_folder: str | None = None) -> str:
     Returns:
         XML text without a declaration, which is UTF-8 by definition.
     """
-    limit_x, limit_y, limit_z = (float(v) for v in element.joint_limit_rad)
     return _template().render(
         name=_printable(element.name),
         segments=_segments(element, mesh_folder),
         length_m=element.segment_length_m,
-        limit_rad={"x": limit_x, "y": limit_y, "z": limit_z},
         effort_nm=EFFORT_NM,
         velocity_rad_s=VELOCITY_RAD_S,
         rgba=RGBA,
@@ -129,14 +127,17 @@ def template_folder() -> Path:
 
 
 def _segments(element: Element, mesh_folder: str | None) -> list[dict[str, object]]:
-    """Return name, inertia and geometry of each segment, as the template takes them."""
+    """Return name, joint limits, inertia and geometry of each segment, as the template takes them."""
     bodies: list[dict[str, object]] = []
     for k in range(element.segments if element.is_tapered else 1):
         start, end = element.segment_profiles(k)
         inertia = body_inertia(start, element.segment_length_m, element.density_kg_m3, end)
         bodies.append({"body": inertia, "geometry": _geometry(element, k, mesh_folder)})
-    names = segment_names(element.segments)
-    return [{"name": name, **bodies[min(k, len(bodies) - 1)]} for k, name in enumerate(names)]
+    names, limits = segment_names(element.segments), element.joint_limits_rad.tolist()
+    return [
+        {"name": name, "limits_rad": dict(zip("xyz", limits[k], strict=True)), **bodies[min(k, len(bodies) - 1)]}
+        for k, name in enumerate(names)
+    ]
 
 
 def _geometry(element: Element, k: int, mesh_folder: str | None) -> dict[str, object]:

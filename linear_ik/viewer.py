@@ -19,7 +19,16 @@ from linear_ik.element import Element
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
 from linear_ik.viewer_page import Scene
-from linear_ik.viewer_shapes import design_body, material, reach_m, segment_bodies, segment_triangles, transform
+from linear_ik.viewer_shapes import (
+    axis_distances_m,
+    design_body,
+    designed_nodes_m,
+    material,
+    reach_m,
+    segment_bodies,
+    segment_triangles,
+    transform,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -61,8 +70,8 @@ class Viewer:
         """Show an element as designed, and turn the camera to it."""
         self._element, self._chain = element, Chain.of(element)
         T = element.placement.T_world_element
-        end = T[:3, 3] + T[:3, 2] * element.length_m
-        self._look_at(T[:3, 3], end, T[:3, 0] + T[:3, 1])
+        start, end = designed_nodes_m(element)[[0, -1]]
+        self._look_at(start, end, T[:3, 0] + T[:3, 1])
         self._vis["design"].set_object(design_body(element), material(DESIGNED, opacity=0.35))
         T_view = transform(T[:3, :3], self._local(T[:3, 3]))
         self._vis["design"].set_transform(T_view)
@@ -192,11 +201,7 @@ class Viewer:
         random = np.random.default_rng(0)
         if self._element is None:
             return np.sort(random.choice(len(points), MOST_POINTS, replace=False))
-        T = self._element.placement.T_world_element
-        along = (points - T[:3, 3]) @ T[:3, 2]
-        ends = T[:3, 3] + np.clip(along, 0, self._element.length_m)[:, None] * T[:3, 2]
-        reach = NEAR_M + reach_m(self._element)
-        is_near = np.linalg.norm(points - ends, axis=1) < reach
+        is_near = axis_distances_m(self._element, points) < NEAR_M + reach_m(self._element)
         near, far = np.flatnonzero(is_near), np.flatnonzero(~is_near)
         n_near = min(len(near), max(int(NEAR_SHARE * MOST_POINTS), MOST_POINTS - len(far)))
         n_far = min(len(far), MOST_POINTS - n_near)
@@ -263,7 +268,8 @@ class Viewer:
         # A little past it, so that the neighbouring face shows too.
         x, y = seen / np.linalg.norm(seen)
         side = T[:3, :2] @ (np.array([x, y]) + 0.5 * np.array([-y, x]))
-        self._look_at(T[:3, 3], T[:3, 3] + 2 * half * T[:3, 2], side)
+        start, end = designed_nodes_m(self._element)[[0, -1]]
+        self._look_at(start, end, side)
 
     def _caption(self, colour: str | None, text: str) -> None:
         kind = text.split(":")[0]

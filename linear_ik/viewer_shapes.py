@@ -30,6 +30,14 @@ def segment_bodies(element: Element) -> list[Any]:
 
 def design_body(element: Element) -> Any:
     """Return meshcat's geometry of the whole element as designed, in its frame."""
+    if element.axis_points is not None:
+        parts, first = [segment_triangles(element, k) for k in range(element.segments)], 0
+        vertices, triangles = [], []
+        for (corners, faces), R, node in zip(parts, element.design.rotations, element.design.nodes_m[:-1], strict=True):
+            vertices.append(corners @ R.T + node)
+            triangles.append(faces + first)
+            first += len(corners)
+        return _geometry(np.concatenate(vertices), np.concatenate(triangles))
     mesh = extruded_mesh(element.profile, element.length_m, element.profile_at(1.0) if element.is_tapered else None)
     return _geometry(np.asarray(mesh.vertices), np.asarray(mesh.faces))
 
@@ -37,6 +45,23 @@ def design_body(element: Element) -> Any:
 def reach_m(element: Element) -> float:
     """Return how far from its axis the element's section reaches, at either end."""
     return max(float(np.linalg.norm(element.profile_at(share).outline(), axis=1).max()) for share in (0.0, 1.0))
+
+
+def designed_nodes_m(element: Element) -> Array:
+    """Return the corners of the design axis in the scan's coordinates, start and end of a straight one."""
+    nodes, T = element.design.nodes_m, element.placement.T_world_element
+    nodes = nodes[[0, -1]] if element.axis_points is None else nodes
+    return np.asarray(nodes @ T[:3, :3].T + T[:3, 3])
+
+
+def axis_distances_m(element: Element, points: Array) -> Array:
+    """Return the distance of points [P][3] to the design axis, in the scan's coordinates [P]."""
+    nodes, best = designed_nodes_m(element), np.full(len(points), np.inf)
+    for start, end in zip(nodes[:-1], nodes[1:], strict=True):
+        leg = end - start
+        share = np.clip((points - start) @ leg / (leg @ leg), 0.0, 1.0)
+        np.minimum(best, np.linalg.norm(points - start - share[:, None] * leg, axis=1), out=best)
+    return best
 
 
 def material(colour: int, opacity: float) -> Any:
