@@ -91,8 +91,7 @@ def cloud_rmse(problem: Problem, pose: Pose, counted: Tally, points: Array, seed
         return float("nan")
     n = pose.n_segments
     each = max(min(int(counted.matched.sum()), 10_000) // n, 1)
-    xy = problem.surface.at(rng.random(n * each) * problem.surface.perimeter_m)
-    model = np.column_stack([xy, rng.random(n * each) * problem.element.segment_length_m]).reshape(n, each, 3)
+    model = problem.surface.sample(each, problem.chain.segment_length_m, rng)
     model = (model @ pose.rotations.transpose(0, 2, 1) + pose.nodes_m[:n, None]).reshape(-1, 3)
     if len(points) > 1000:
         points = points[rng.choice(len(points), 1000, replace=False)]

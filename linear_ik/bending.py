@@ -96,7 +96,7 @@ def bend_element(
     Args:
         element: the design.
         bends: rotations of single joints, as Bend or as "segment:axis:degrees"; several
-            of one joint and axis add up.
+            of one joint and axis add up, and all to the designed angles.
         joint_angles_rad: [N][3] about x, y, z, in place of ``bends``.
         displacement: [4][4] T_element_base: how the whole member has moved from its
             placement, in the placement's frame; see `rigid_motion`.
@@ -168,7 +168,7 @@ def _joint_angles(element: Element, bends: Sequence[Bend | str], joint_angles_ra
     """Return the angles [N][3] in x, y, z order, each within the element's limits."""
     if isinstance(bends, (str, Bend)):
         bends = [bends]
-    angles = np.zeros((element.segments, 3))
+    angles, limits = element.design.angles_rad.copy(), element.joint_limits_rad
     if joint_angles_rad is not None:
         if len(bends):
             raise SettingsError("joint_angles_rad", "given together with bends", "one of the two")
@@ -179,16 +179,17 @@ def _joint_angles(element: Element, bends: Sequence[Bend | str], joint_angles_ra
             raise SettingsError("bend", f"segment {bend.segment}", f"1 to {element.segments}, the element's segments")
         angles[bend.segment - 1, "xyz".index(bend.axis)] += math.radians(bend.degrees)
     # Degrees that add up to the limit may exceed it by a rounding: that is at the limit.
-    beyond = np.argwhere(np.abs(angles) > element.joint_limit_rad * (1 + 1e-12))
+    off = angles - element.design.angles_rad
+    beyond = np.argwhere(np.abs(off) > element.joint_limit_rad * (1 + 1e-12))
     if len(beyond):
         k, axis = beyond[0]
         limit = np.degrees(element.joint_limit_rad[axis])
         raise SettingsError(
             "bend",
-            f"segment {k + 1} by {np.degrees(angles[k, axis]):g} degrees about {'xyz'[axis]}",
+            f"segment {k + 1} by {np.degrees(off[k, axis]):g} degrees about {'xyz'[axis]}",
             f"up to {limit:g} degrees each way, the element's joint_limit_deg",
         )
-    return np.asarray(np.clip(angles, -element.joint_limit_rad, element.joint_limit_rad))
+    return np.asarray(np.clip(angles, limits[..., 0], limits[..., 1]))
 
 
 def _rotations(angles: Array) -> Array:

@@ -57,9 +57,8 @@ class ModelCloud:
         rng = np.random.default_rng(seed)
         n = len(segment_length_m)
         each = max(points // n, 1)
-        xy = surface.at(rng.random(n * each) * surface.perimeter_m)
         self.segment = np.repeat(np.arange(n), each)
-        self.local = np.column_stack([xy, rng.random(n * each) * segment_length_m[self.segment]])
+        self.local = surface.sample(each, segment_length_m, rng).reshape(-1, 3)
 
     def at(self, pose: Pose) -> Array:
         """Return the points [M][3] of the bent chain, element's frame."""

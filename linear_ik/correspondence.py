@@ -16,6 +16,7 @@ import numpy.typing as npt
 from linear_ik.chain import Pose
 from linear_ik.sights import Sights
 from linear_ik.surface import Surface
+from linear_ik.tapered_surface import TaperedSurface
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -36,6 +37,8 @@ class Correspondences:
         residual_m: [P] signed distance to the face, positive outside.
         gradient: [P][2] direction of that distance in the section's plane.
         distance_m: [P] distance to the nearest point of the (finite) surface.
+        axial: [P] the gradient's part along the axis, where the section tapers; else None.
+        untapered: [P][2] see `section`, where the section tapers; else None.
     """
 
     order: Index
@@ -45,6 +48,13 @@ class Correspondences:
     residual_m: Array
     gradient: Array
     distance_m: Array
+    axial: Array | None = None
+    untapered: Array | None = None
+
+    @property
+    def section(self) -> Array:
+        """[P][2] the point in the section that the surface draws: its x and y, less the taper up to there."""
+        return self.local[:, :2] if self.untapered is None else self.untapered
 
     @property
     def segment(self) -> Index:
@@ -69,9 +79,8 @@ class Matcher:
         # A round section has one face: nothing to choose from.
         self.sights = sights if surface.radius_m is None else None
         self.segment_length_m = segment_length_m
-        # A round section has one face, whose residual needs no chords: a few will do to tell segments apart.
-        outline = surface if surface.radius_m is None else surface.of_outline(surface.corners[::4], surface.radius_m)
-        self._unit, self._triangles = outline.mesh(1.0)
+        self._begin_m = np.cumsum(segment_length_m) - segment_length_m
+        self._meshes, self._triangles = surface.segment_meshes(segment_length_m)
 
     def match(self, pose: Pose, points: Array, segments: int | None = None, first: int = 0) -> Correspondences:
         """Match ``points`` [P][3] (element's frame) to segments ``first`` to ``segments`` - 1 of the chain."""
@@ -92,9 +101,14 @@ class Matcher:
             np.subtract(z, np.clip(z, 0.0, self.segment_length_m[k]), out=beyond[rows])
         if self.sights is not None:
             face = self._seen(pose, self.sights.stations_of(points[order]), starts, local, face)
-        residual, gradient = self.surface.offsets(local[:, :2], face)
+        axial, untapered = None, None
+        if isinstance(self.surface, TaperedSurface):
+            begin_m = np.repeat(self._begin_m[:n], np.diff(starts))
+            residual, gradient, axial, untapered = self.surface.residuals(local, face, begin_m)
+        else:
+            residual, gradient = self.surface.offsets(local[:, :2], face)
         distance = np.sqrt(residual * residual + beyond * beyond)
-        return Correspondences(order, starts, face, local, residual, gradient, distance)
+        return Correspondences(order, starts, face, local, residual, gradient, distance, axial, untapered)
 
     def _seen(self, pose: Pose, stations: Array, starts: Index, local: Array, face: Index) -> Index:
         """Return the faces [P], those that look away from their point's station replaced by the nearest that does not.
@@ -127,9 +141,8 @@ class Matcher:
 
     def _nearest_triangle(self, pose: Pose, points: Array, first: int, n: int) -> npt.NDArray[np.uint32]:
         """Return the nearest triangle [P] of segments ``first`` to n - 1, one mesh after the other."""
-        corners, vertices = len(self._unit), np.repeat(self._unit[None], n - first, axis=0)
-        vertices[:, :, 2] *= self.segment_length_m[first:n, None]
-        vertices = vertices @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
+        corners = self._meshes.shape[1]
+        vertices = self._meshes[first:n] @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
         each = np.arange(0, (n - first) * corners, corners, dtype=np.uint32)
         triangles = (self._triangles + each[:, None, None]).reshape(-1, 3)
         scene, tensor = self._scene(nthreads=0), self._core.Tensor

@@ -129,7 +129,8 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
         lam = lam.after(cost_m2 <= previous_m2)
         objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, moving, stage.term)
         dx, lam = damped_step(
-            objective + shape_damping(x, objective.mean_information(), settings.weights).of(moving),
+            objective
+            + shape_damping(x - problem.prior_mean, objective.mean_information(), settings.weights).of(moving),
             lam,
             np.maximum(lower - x[moving], -settings.max_step_rad),
             np.minimum(upper - x[moving], settings.max_step_rad),
@@ -215,13 +216,14 @@ def known_terms(
     return objective
 
 
-def shape_damping(x: Array, information: float, weights: TermWeights) -> Objective:
-    """Return the paper's Q and C over all variables [6 + 3N], weighed against the mean ``information``."""
-    objective = Objective(np.zeros((len(x), len(x))), np.zeros(len(x)))
+def shape_damping(bends: Array, information: float, weights: TermWeights) -> Objective:
+    """Return the paper's Q and C, for bends against the design [6 + 3N], weighed against the mean ``information``."""
+    n = len(bends)
+    objective = Objective(np.zeros((n, n)), np.zeros(n))
     if weights.continuity:
-        objective += continuity(len(x), weights.continuity * information)
+        objective += continuity(n, weights.continuity * information)
     if weights.directional:
-        objective += directional_constraint(x, weights.directional * information)
+        objective += directional_constraint(bends, weights.directional * information)
     return objective
 
 

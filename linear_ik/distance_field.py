@@ -2,10 +2,14 @@
 
 from __future__ import annotations
 
+from collections.abc import Callable
+from functools import cache
+
 import numpy as np
 import numpy.typing as npt
 
 from linear_ik.surface import Surface
+from linear_ik.tapered_surface import TaperedSurface
 
 Array = npt.NDArray[np.float64]
 
@@ -48,3 +52,13 @@ class DistanceField:
             for tau, weight in ((NARROW_M, 1.0), (WIDE_M, 0.5)):
                 out[part : part + 256] += weight * np.maximum(0.0, 1.0 - squared / tau**2).sum(axis=1)
         return out
+
+
+def distance_fields(surface: Surface) -> Callable[[int], DistanceField]:
+    """Return what gives the field of segment k's section (from 0), measured when first asked for."""
+
+    @cache
+    def of(k: int) -> DistanceField:
+        return DistanceField(surface.section(k))
+
+    return of if isinstance(surface, TaperedSurface) else lambda k: of(0)

@@ -58,7 +58,7 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
     for q, name in enumerate(SIDES):
         axis, sign = q % 2, 1.0 if q < 2 else -1.0
         facing = matched & (np.abs(pairs.gradient[:, axis]) > 0.9)
-        there = pairs.local[facing, axis]
+        there = pairs.section[facing, axis]
         outermost = [int(np.count_nonzero(np.abs(there - edge[axis]) < 4.0 * noise_m)) for edge in (high, low)]
         own, opposite = outermost if sign > 0 else outermost[::-1]
         if opposite < 60:
@@ -69,7 +69,7 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
             (4.0 * noise_m, CLOSE_M) if seen else (-PARALLEL_REACH * size[axis], PARALLEL_REACH * size[axis])
         )
         least = int((0.5 if seen else LEAST_SHARE) * opposite)
-        offset_m = _parallel(surface, pairs.local[~matched, :2], axis, sign, (low_m, high_m), noise_m, least)
+        offset_m = _parallel(surface, pairs.section[~matched], axis, sign, (low_m, high_m), noise_m, least)
         if offset_m is not None:
             where = "outside" if offset_m > 0 else "inside"
             out.append(

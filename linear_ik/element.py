@@ -12,9 +12,11 @@ from typing import Literal, get_args
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.design_axis import DesignAxis, Points, check_axis_points, follow, polyline_length_m, straight_axis
 from linear_ik.errors import ElementError
 from linear_ik.outline import as_float
 from linear_ik.profile import Profile
+from linear_ik.taper import between, check_taper
 
 Array = npt.NDArray[np.float64]
 Start = Literal["fixed", "pinned", "roller", "free"]
@@ -106,20 +108,25 @@ class PlacementTolerance:
 
 @dataclass(frozen=True)
 class Element:
-    """A designed linear element: an extruded profile along a straight axis.
+    """A designed linear element: a profile along an axis.
 
     Attributes:
         name: used in files and messages.
         profile: the section, in the element's local X and Y.
-        length_m: along the axis.
+        length_m: along the axis; with ``axis_points`` that of the polyline, to 0.1 %.
         segments: rigid links the length is divided into.
         placement: the design position.
         start: support at the first node.
         end: support at the last node.
-        joint_limit_deg: largest angle of each joint about its x, y and z, or one for all.
+        joint_limit_deg: largest angle of each joint about its x, y and z, or one for all,
+            either way from the designed angle.
         placement_tolerance: what ``start: free`` and the slide of ``start: roller`` allow.
         end_tolerance_m: how exactly a held end keeps its place (1 sigma).
         density_kg_m3: for the inertia in the URDF; steel when not given.
+        profile_end: the section at the end of a tapered element, of the type of
+            ``profile``, which is then the one at the start; it varies linearly between.
+        axis_points: the design axis where it is not straight: a polyline [x, y, z] in the
+            element's frame, from [0, 0, 0] on, its start leading towards +Z.
 
     Raises:
         ElementError: a value out of its range, named.
@@ -136,6 +143,8 @@ class Element:
     placement_tolerance: PlacementTolerance = field(default_factory=PlacementTolerance)
     end_tolerance_m: float = 0.005
     density_kg_m3: float = 7850.0
+    profile_end: Profile | None = None
+    axis_points: Points | None = None
 
     def __post_init__(self) -> None:
         """Check every field and normalise the numbers."""
@@ -145,6 +154,8 @@ class Element:
             raise ElementError("name", "too long, or with control characters", "up to 200 printable characters")
         if not isinstance(self.profile, Profile):
             raise ElementError("profile", f"{self.profile!r}", "a profile, such as Rectangle(0.1, 0.3)")
+        if self.profile_end is not None:
+            check_taper(self.profile, self.profile_end)
         if not isinstance(self.placement, Placement):
             raise ElementError("placement", reprlib.repr(self.placement), "a Placement")
         if not isinstance(self.placement_tolerance, PlacementTolerance):
@@ -173,6 +184,12 @@ class Element:
             ("density_kg_m3", 0.0, 1e5),
         ):
             object.__setattr__(self, name, check_number(name, getattr(self, name), low, high, open_low=True))
+        if self.axis_points is not None:
+            object.__setattr__(self, "axis_points", check_axis_points(self.axis_points))
+            along_m = polyline_length_m(self.axis_points)
+            if abs(along_m - self.length_m) > 1e-3 * along_m:
+                raise ElementError("length_m", f"{self.length_m:g}", f"{along_m:g}, the length along axis_points")
+            object.__setattr__(self, "length_m", along_m)
         if self.segment_length_m < 1e-4:
             raise ElementError(
                 "segments", f"{self.segments} of {self.segment_length_m:g} m", "segments of 0.1 mm or more"
@@ -180,13 +197,43 @@ class Element:
 
     @property
     def segment_length_m(self) -> float:
-        """Length of each segment."""
-        return self.length_m / self.segments
+        """Length of each segment: along a design axis that is not straight, of its chords."""
+        return self.design.segment_length_m
+
+    @cached_property
+    def design(self) -> DesignAxis:
+        """The chain as designed."""
+        if self.axis_points is None:
+            return straight_axis(self.length_m, self.segments)
+        return follow(self.axis_points, self.segments)
+
+    @property
+    def is_tapered(self) -> bool:
+        """Whether the section varies along the element."""
+        return self.profile_end is not None and self.profile_end != self.profile
+
+    def profile_at(self, share: float) -> Profile:
+        """Return the section at ``share`` (0 to 1) of the length."""
+        if self.profile_end is None or not self.is_tapered:
+            return self.profile
+        return between(self.profile, self.profile_end, share)
+
+    def segment_profiles(self, k: int) -> tuple[Profile, Profile | None]:
+        """Return the sections at the start and at the end of segment k, counted from 0; None: the same one."""
+        if not self.is_tapered:
+            return self.profile, None
+        return self.profile_at(k / self.segments), self.profile_at((k + 1) / self.segments)
 
     @property
     def joint_limit_rad(self) -> Array:
-        """[3] largest angle about x, y and z."""
+        """[3] largest angle about x, y and z, either way from the designed one."""
         return np.radians(np.asarray(self.joint_limit_deg, dtype=np.float64))
+
+    @property
+    def joint_limits_rad(self) -> Array:
+        """[N][3][2] lower and upper limit of each joint about x, y and z."""
+        designed, limit = self.design.angles_rad, self.joint_limit_rad
+        return np.stack([designed - limit, designed + limit], axis=-1)
 
 
 def check_number(name: str, value: object, low: float, high: float, open_low: bool = False) -> float:

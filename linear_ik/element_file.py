@@ -14,6 +14,7 @@ from typing import Any, NoReturn
 
 import yaml
 
+from linear_ik.design_axis import check_axis_points, polyline_length_m
 from linear_ik.element import Element, Placement, PlacementTolerance
 from linear_ik.errors import ElementError
 from linear_ik.profile import PROFILES, Polygon, Profile
@@ -25,6 +26,7 @@ LARGEST_FILE_BYTES = 256 * 1024  # a polygon of 1000 corners takes 100 kB
 _RENAMED = {"length": "length_m"}
 _KEY_OF = {field: key for key, field in _RENAMED.items()}
 _KEYS = tuple(_KEY_OF.get(f.name, f.name) for f in fields(Element))
+_NEEDED = ("name", "profile", "length")
 _PLACEMENT_KEYS = tuple(f.name for f in fields(Placement))
 _TOLERANCE_KEYS = tuple(f.name for f in fields(PlacementTolerance))
 
@@ -51,10 +53,14 @@ def element_from_mapping(mapping: Mapping[str, Any]) -> Element:
     Raises:
         ElementError: said of the key that is wrong (``profile.x_dim``), or of "element".
     """
-    data = _mapping("element", mapping, _KEYS, required=("name", "profile", "length"))
+    # An axis has a length of its own.
+    needed = ("name", "profile") if isinstance(mapping, Mapping) and "axis_points" in mapping else _NEEDED
+    data = _mapping("element", mapping, _KEYS, needed)
     values: dict[str, Any] = {}
     for key, value in data.items():
         values[_RENAMED.get(key, key)] = _READERS.get(key, _number)(key, value)
+    if "length_m" not in values:
+        values["length_m"] = polyline_length_m(check_axis_points(values["axis_points"]))
     try:
         return Element(**values)
     except ElementError as error:
@@ -83,6 +89,8 @@ def element_to_mapping(element: Element) -> dict[str, Any]:
         "placement_tolerance": {key: getattr(element.placement_tolerance, key) for key in _TOLERANCE_KEYS},
         "end_tolerance_m": element.end_tolerance_m,
         "density_kg_m3": element.density_kg_m3,
+        **({} if element.profile_end is None else {"profile_end": profile_to_mapping(element.profile_end)}),
+        **({} if element.axis_points is None else {"axis_points": [list(point) for point in element.axis_points]}),
     }
 
 
@@ -202,6 +210,12 @@ def _vector(name: str, value: object, expected: str = "three numbers [x, y, z]")
     return x, y, z
 
 
+def _points(name: str, value: object) -> object:
+    if not isinstance(value, (list, tuple)):
+        _fail(name, value, "a list of points", "points [x, y, z] in metres, the first [0, 0, 0]")
+    return tuple(_vector(f"{name}[{i}]", point) for i, point in enumerate(value))
+
+
 def _limits(name: str, value: object) -> object:
     if isinstance(value, (list, tuple)):
         return _vector(name, value, "one number, or three: [x, y, z]")
@@ -211,12 +225,14 @@ def _limits(name: str, value: object) -> object:
 _READERS: dict[str, Callable[[str, object], object]] = {
     "name": _text,
     "profile": _profile,
+    "profile_end": _profile,
     "segments": _segments,
     "placement": _placement,
     "start": _text,
     "end": _text,
     "joint_limit_deg": _limits,
     "placement_tolerance": _tolerance,
+    "axis_points": _points,
 }
 
 

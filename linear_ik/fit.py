@@ -37,8 +37,8 @@ from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE, Settled, measured, settle
 from linear_ik.startup import Startup
-from linear_ik.surface import Surface
 from linear_ik.tally import nearby
+from linear_ik.tapered_surface import surface_of
 from linear_ik.uncertainty import covariance, noise_of, point_noise, pressed_limits
 
 Array = npt.NDArray[np.float64]
@@ -109,7 +109,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
         clock.lap("icpik")
         return conclude(measured(problem, found, settings), settings, log, clock)
 
-    few = sample(problem, problem.chain.pose(problem.straight), COARSE_POINTS_A_SEGMENT * n, rng)
+    few = sample(problem, problem.chain.pose(problem.designed), COARSE_POINTS_A_SEGMENT * n, rng)
     found, sure = plain(problem, few, settings, solver, log)
     clock.lap("coarse")
     if settings.search == "always" or (settings.search == "auto" and not sure):
@@ -169,7 +169,7 @@ def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver
         Where it ended, and whether that can only be right.
     """
     stage = Stage("coarse", points, (np.inf,), settings.range_noise_m or 1e-3, PLAIN_ITERATIONS, 1e-3)
-    found = descend(problem, problem.straight, stage, settings, solver, log)
+    found = descend(problem, problem.designed, stage, settings, solver, log)
     known = explained(problem, found)
     # With the first segment in doubt nothing says where to turn.
     while settings.search == "auto" and known[0] and not known.all():
@@ -290,7 +290,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if settled.misfit is not None:
         if not settled.misfit.plausible:
             status = "uncertain" if status == "converged" else status
-        reasons += (settled.misfit.sentence(Surface.of(problem.element.profile)),)
+        reasons += (settled.misfit.sentence(surface_of(problem.element)),)
     rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)
     clock.lap("assess")
     return in_scan_coordinates(
@@ -311,7 +311,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
 
 def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
-    x = problem.straight
+    x = problem.designed
     pose = problem.chain.pose(x)
     _, node_covariance = covariance(problem, pose, known_terms(problem, x, pose, 1e-3), 1e-3)
     unseen = SegmentResult("not_scanned", 0, 0.0, float("nan"))

@@ -58,7 +58,7 @@ def icpik(problem: Problem, settings: FitSettings, solver: Solver, log: Log) -> 
     )
     # Eq. 4 knows no prior.
     free = problem.expecting(np.full(problem.chain.nv, np.inf))
-    return descend(free, problem.straight, stage, settings, solver, log)
+    return descend(free, problem.designed, stage, settings, solver, log)
 
 
 def inverse_distance(pairs: CloudPairs) -> Array:

@@ -14,6 +14,7 @@ from linear_ik.element import Element
 from linear_ik.scan import Scan
 from linear_ik.sights import Sights
 from linear_ik.surface import Surface
+from linear_ik.tapered_surface import TaperedSurface, surface_of
 
 Array = npt.NDArray[np.float64]
 
@@ -21,6 +22,7 @@ AXIAL = 2
 MANY_POINTS = 1_000_000
 POINTS_A_PIECE = 65_536  # what a core keeps in its cache
 BEND_SD_RAD = np.radians(10.0)
+CURVED_RAD = np.radians(10.0)  # from the element's Z; a translation along it then shows
 TWIST_SD_RAD = np.radians(5.0)
 FIRST_JOINT_SD_RAD = np.radians(5.0)
 
@@ -37,7 +39,7 @@ class Problem:
         points: [P][3] scan points within the element's reach.
         variables: [n] which of the chain's variables move: those with room in their
             box, less the torsion of a round section, which no point can see, and less the
-            slide along the axis until `released`.
+            slide along the axis until `released`, unless the shape itself shows it.
         prior_sd: [6 + 3N] standard deviation of each variable before the scan is seen.
         prior_mean: [6 + 3N] its mean: the design.
     """
@@ -55,7 +57,7 @@ class Problem:
     def of(cls, element: Element, scan: Scan) -> Problem:
         """Prepare the fit of ``element`` to ``scan``."""
         chain = Chain.of(element)
-        surface = Surface.of(element.profile)
+        surface = surface_of(element)
         T = element.placement.T_world_element
         slack_m = float(np.linalg.norm(chain.upper[:3])) + surface.reach_m + 0.1
         points, near = in_reach(scan.points, T, element.length_m + slack_m)
@@ -66,7 +68,7 @@ class Problem:
         if surface.radius_m is not None:
             movable[BASE::3] = False
         # Faces do not show a slide along them, so it is held until something else does.
-        movable[AXIAL] &= element.end in ("pinned", "fixed")
+        movable[AXIAL] &= element.end in ("pinned", "fixed") or shows_slide(element, surface)
         sd = np.tile([TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD], element.segments + 2)
         sd[BASE : BASE + 3] = FIRST_JOINT_SD_RAD
         # A base that may move is expected anywhere in its box: uniform has this deviation.
@@ -79,7 +81,7 @@ class Problem:
             points,
             np.flatnonzero(movable),
             sd,
-            np.zeros(chain.nv),
+            chain.with_q(element.design.angles_rad[:, ::-1].ravel()),
         )
 
     def seeing(self, points: Array) -> Problem:
@@ -96,8 +98,8 @@ class Problem:
         return replace(self, variables=np.union1d(self.variables, [AXIAL]))
 
     def held(self) -> Problem:
-        """Return the problem with the slide along the axis held, unless an end holds it already."""
-        if self.element.end in ("pinned", "fixed"):
+        """Return the problem with the slide along the axis held, unless an end or the shape does so already."""
+        if self.element.end in ("pinned", "fixed") or shows_slide(self.element, self.surface):
             return self
         return replace(self, variables=np.setdiff1d(self.variables, [AXIAL]))
 
@@ -112,9 +114,15 @@ class Problem:
         )
 
     @property
-    def straight(self) -> Array:
+    def designed(self) -> Array:
         """[6 + 3N] the design, put into the joint limits."""
-        return self.chain.clip(np.zeros(self.chain.nv))
+        return self.chain.clip(self.chain.with_q(self.element.design.angles_rad[:, ::-1].ravel()))
+
+
+def shows_slide(element: Element, surface: Surface) -> bool:
+    """Whether the shape itself shows a slide along the element's Z: it tapers, or leads elsewhere."""
+    leads_elsewhere = element.design.rotations[:, 2, 2].min() < np.cos(CURVED_RAD)
+    return bool(leads_elsewhere) or isinstance(surface, TaperedSurface)
 
 
 def in_reach(points: Array, T_world_element: Array, reach_m: float) -> tuple[Array, npt.NDArray[np.bool_]]:

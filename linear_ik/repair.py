@@ -29,7 +29,7 @@ def repair(
     problem: Problem,
     x: Array,
     points: Array,
-    field: DistanceField,
+    fields: Callable[[int], DistanceField],
     tau_m: float,
     finish: Callable[[Array], Array],
     score: Callable[[Array], float],
@@ -40,7 +40,7 @@ def repair(
         problem: what is fitted.
         x: [6 + 3N] a finished hypothesis.
         points: [P][3] the cloud, element's frame.
-        field: distance to the section's outline.
+        fields: distance to the outline of a segment's section.
         tau_m: distance at which a point is no longer explained.
         finish: refines a hypothesis.
         score: points explained by a hypothesis, less what its bends cost.
@@ -50,7 +50,7 @@ def repair(
     refused: set[tuple[int, int, int]] = set()
     for _ in range(MOST_REPAIRS):
         pose = problem.chain.pose(x)
-        run = promising(problem, shift_gains(problem, pose, points, field, shifts, tau_m), refused)
+        run = promising(problem, shift_gains(problem, pose, points, fields, shifts, tau_m), refused)
         if run is None:
             break
         first, last, which = run
@@ -82,7 +82,7 @@ def plate_shifts(surface: Surface) -> Array:
 
 
 def shift_gains(
-    problem: Problem, pose: Pose, points: Array, field: DistanceField, shifts: Array, tau_m: float
+    problem: Problem, pose: Pose, points: Array, fields: Callable[[int], DistanceField], shifts: Array, tau_m: float
 ) -> Array:
     """Return how many more points each segment would explain after each shift [3][N][D].
 
@@ -97,6 +97,7 @@ def shift_gains(
         local = local[np.einsum("ij,ij->i", local, local) < (length + reach) ** 2] @ pose.rotations[k]
         local = local[(local[:, 2] > 0) & (local[:, 2] < length)]
         along = local[:, 2] / length
+        field = fields(k)
         now = field.explained(local[:, :2], tau_m)
         for kind, share in enumerate((along, np.ones(len(along)), 1.0 - along)):
             for d, shift in enumerate(shifts):

@@ -12,6 +12,7 @@ from linear_ik.bending import Bend, BentElement, bend_element, check_array
 from linear_ik.element import Element
 from linear_ik.errors import SettingsError
 from linear_ik.profile import Profile
+from linear_ik.section import outlines, prism_triangles
 
 Array = npt.NDArray[np.float64]
 Triangles = npt.NDArray[np.int64]
@@ -34,22 +35,32 @@ def segment_meshes(bent: BentElement) -> list[Mesh]:
     sharper), on the inside the segments overlap. The outermost ends keep their caps, and
     a hollow section its inside.
     """
-    section, triangles = _section(bent.element.profile)
-    m, length = len(section), bent.element.segment_length_m
-    R = bent.T_base_segment[:, :3, :3]
-    z = np.stack([np.zeros((len(R), m)), np.full((len(R), m), length)], axis=1)
-    reach = np.linalg.norm(section, axis=1)
-    for k in range(len(R) - 1):
+    element, R = bent.element, bent.T_base_segment[:, :3, :3]
+    n, length = len(R), element.segment_length_m
+    nodes = range(n + 1 if element.is_tapered else 1)
+    rings = [_rings(element.profile_at(k / n)) for k in nodes] * (1 if element.is_tapered else n + 1)
+    section = np.stack([np.concatenate(ring) for ring in rings])
+    slope = np.diff(section, axis=0) / length
+    z = np.zeros((n, 2, section.shape[1]))
+    z[:, 1] = length
+    for k in range(n - 1):
         normal = R[k, :, 2] + R[k + 1, :, 2]
         cosine_1 = 1 + R[k, :, 2] @ R[k + 1, :, 2]
         if cosine_1 < 1e-9:  # folded back on itself: no plane halves that
             continue
-        before, after = (section @ (normal @ R[i, :, :2]) / cosine_1 for i in (k, k + 1))
+        reach = np.linalg.norm(section[k + 1], axis=1)
+        # Where the corner's line, c + z slope, meets the plane.
+        before, after = (
+            section[k + 1] @ (normal @ R[i, :, :2]) / (cosine_1 + slope[i] @ (normal @ R[i, :, :2])) for i in (k, k + 1)
+        )
         z[k, 1] += np.clip(-before, 0, reach)
         z[k + 1, 0] -= np.clip(after, 0, reach)
-    meshes = []
+    meshes, triangles = [], prism_triangles(rings[0], rings[-1])
     for k, T in enumerate(bent.T_base_segment):
-        local = np.column_stack([np.tile(section, (2, 1)), z[k].ravel()])
+        if k and element.is_tapered:
+            triangles = prism_triangles(rings[k], rings[k + 1])
+        xy = section[k] + z[k][:, :, None] * slope[k]
+        local = np.column_stack([xy.reshape(-1, 2), z[k].ravel()])
         meshes.append(Mesh(local @ T[:3, :3].T + T[:3, 3], triangles))
     return meshes
 
@@ -58,12 +69,14 @@ def is_inside(bent: BentElement, point: Array, skin_m: float = 1e-3) -> bool:
     """Return whether a point [3] in the base's frame is in the member's material, or within ``skin_m`` of it."""
     import shapely
 
-    hole = bent.element.profile.hole()
-    section = shapely.Polygon(bent.element.profile.outline(), [] if hole is None else [hole])
-    T = bent.T_base_segment
+    T, length = bent.T_base_segment, bent.element.segment_length_m
     local = np.einsum("kij,ki->kj", T[:, :3, :3], point - T[:, :3, 3])
-    along = (local[:, 2] > -skin_m) & (local[:, 2] < bent.element.segment_length_m + skin_m)
-    return bool((along & (shapely.distance(section, shapely.points(local[:, :2])) < skin_m)).any())
+    for k in np.flatnonzero((local[:, 2] > -skin_m) & (local[:, 2] < length + skin_m)):
+        along = (k + np.clip(local[k, 2] / length, 0.0, 1.0)) / len(T)
+        outer, *holes = outlines(bent.element.profile_at(float(along)))
+        if shapely.distance(shapely.Polygon(outer, holes), shapely.Point(local[k, :2])) < skin_m:
+            return True
+    return False
 
 
 def element_mesh(
@@ -144,29 +157,11 @@ def as_mesh(name: str, other: object) -> Mesh:
     return Mesh(vertices, triangles)
 
 
-def _section(profile: Profile) -> tuple[Array, Triangles]:
-    """Return the corners [m][2] of all outlines, and the triangles of a prism on them.
-
-    The prism's vertices are the corners at the start, then those at the end.
-    """
-    import mapbox_earcut
-
-    rings = [ring for ring in (profile.outline(), profile.hole()) if ring is not None]
-    if profile.radius_m is not None:
-        angle = np.arange(ROUND_CHORDS) * (2 * np.pi / ROUND_CHORDS)
-        circle = np.column_stack([np.cos(angle), np.sin(angle)])
-        rings = [np.linalg.norm(ring[0]) * circle for ring in rings]
-    corners = np.concatenate(rings)
-    m = len(corners)
-    stops = np.cumsum([len(ring) for ring in rings])
-    cap = mapbox_earcut.triangulate_float64(corners, stops.astype(np.uint32)).reshape(-1, 3).astype(np.int64)
-    a, b, c = corners[cap].transpose(1, 0, 2)
-    clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
-    cap[clockwise] = cap[clockwise, ::-1]
-    parts = [cap[:, ::-1], cap + m]
-    for i, ring in enumerate(rings):
-        start = np.arange(len(ring)) + stops[i] - len(ring)
-        end = np.roll(start, -1)
-        sides = np.concatenate([np.column_stack([start, end, end + m]), np.column_stack([start, end + m, start + m])])
-        parts.append(sides if i == 0 else sides[:, ::-1])
-    return corners, np.concatenate(parts)
+def _rings(profile: Profile) -> list[Array]:
+    """Return the outlines of a profile, circles with as many chords as a scanner might see."""
+    rings = outlines(profile)
+    if profile.radius_m is None:
+        return rings
+    angle = np.arange(ROUND_CHORDS) * (2 * np.pi / ROUND_CHORDS)
+    circle = np.column_stack([np.cos(angle), np.sin(angle)])
+    return [np.linalg.norm(ring[0]) * circle for ring in rings]

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.profile import Circle, CircleHollow, Profile, Rectangle
+from linear_ik.taper import between
 
 if TYPE_CHECKING:
     import trimesh
@@ -38,13 +39,14 @@ class SectionProperties:
 
 @dataclass(frozen=True)
 class BodyInertia:
-    """Mass properties of an extruded section.
+    """Mass properties of a section extruded, tapering or not.
 
     Attributes:
         mass_kg: of the body.
         centre_m: centre of mass; z runs along the extrusion from 0.
         ixx, ixy, iyy, izz: inertia about the centre of mass in kg m^2, axes parallel to
-            the section's; ixz and iyz of a prism are 0.
+            the section's.
+        ixz, iyz: the same; 0 for a prism.
     """
 
     mass_kg: float
@@ -53,6 +55,8 @@ class BodyInertia:
     ixy: float
     iyy: float
     izz: float
+    ixz: float = 0.0
+    iyz: float = 0.0
 
 
 def section_properties(profile: Profile) -> SectionProperties:
@@ -88,8 +92,19 @@ def section_properties(profile: Profile) -> SectionProperties:
     )
 
 
-def body_inertia(profile: Profile, length_m: float, density_kg_m3: float) -> BodyInertia:
-    """Return the mass properties of a profile extruded along Z from 0 to ``length_m``."""
+def body_inertia(
+    profile: Profile, length_m: float, density_kg_m3: float, profile_end: Profile | None = None
+) -> BodyInertia:
+    """Return the mass properties of a profile extruded along Z from 0 to ``length_m``.
+
+    Args:
+        profile: the section, of a taper the one at 0.
+        length_m: of the body.
+        density_kg_m3: of the material.
+        profile_end: the section at ``length_m``, where the body tapers.
+    """
+    if profile_end is not None:
+        return _tapered_inertia(profile, profile_end, length_m, density_kg_m3)
     s = section_properties(profile)
     line = density_kg_m3 * length_m
     mass = line * s.area_m2
@@ -104,14 +119,86 @@ def body_inertia(profile: Profile, length_m: float, density_kg_m3: float) -> Bod
     )
 
 
-def extruded_mesh(profile: Profile, length_m: float) -> trimesh.Trimesh:
-    """Return the closed surface of a profile extruded along Z from 0 to ``length_m``."""
+def _tapered_inertia(start: Profile, end: Profile, length_m: float, density_kg_m3: float) -> BodyInertia:
+    """Integrate over the sections along a taper.
+
+    Their corners are linear in z, so area and moments are polynomials of at most the
+    fourth degree in z, with z^2 of the sixth, which four points of Gauss integrate exactly.
+    """
+    nodes, weights = np.polynomial.legendre.leggauss(4)
+    total, first, second = 0.0, np.zeros(3), np.zeros((3, 3))
+    for node, weight in zip(nodes, weights, strict=True):
+        share = (1.0 + node) / 2.0
+        s = section_properties(between(start, end, share))
+        slice_kg = density_kg_m3 * s.area_m2 * weight * length_m / 2.0
+        centre = np.array([*s.centroid_m, share * length_m])
+        total += slice_kg
+        first += slice_kg * centre
+        # Of x x', about the origin: the section's own moments over its area, and its centre's.
+        own = np.array([[s.iyy_m4, s.ixy_m4, 0.0], [s.ixy_m4, s.ixx_m4, 0.0], [0.0, 0.0, 0.0]]) / s.area_m2
+        second += slice_kg * (own + np.outer(centre, centre))
+    centre = first / total
+    spread = second - total * np.outer(centre, centre)
+    inertia = np.trace(spread) * np.eye(3) - spread
+    return BodyInertia(
+        mass_kg=total,
+        centre_m=(float(centre[0]), float(centre[1]), float(centre[2])),
+        ixx=float(inertia[0, 0]),
+        ixy=float(inertia[0, 1]),
+        iyy=float(inertia[1, 1]),
+        izz=float(inertia[2, 2]),
+        ixz=float(inertia[0, 2]),
+        iyz=float(inertia[1, 2]),
+    )
+
+
+def extruded_mesh(profile: Profile, length_m: float, profile_end: Profile | None = None) -> trimesh.Trimesh:
+    """Return the closed surface of a profile extruded along Z from 0 to ``length_m``, where it may be another."""
     import shapely
     import trimesh
 
+    if profile_end is not None:
+        start, end = (outlines(p) for p in (profile, profile_end))
+        z = np.repeat([0.0, length_m], sum(len(ring) for ring in start))
+        return trimesh.Trimesh(np.column_stack([np.concatenate([*start, *end]), z]), prism_triangles(start, end))
     hole = profile.hole()
     polygon = shapely.Polygon(profile.outline(), [] if hole is None else [hole])
     return trimesh.creation.extrude_polygon(polygon, length_m, engine="earcut")
+
+
+def outlines(profile: Profile) -> list[Array]:
+    """Return the outer outline [V][2] of a profile and, of a hollow one, the inner."""
+    return [ring for ring in (profile.outline(), profile.hole()) if ring is not None]
+
+
+def prism_triangles(start: list[Array], end: list[Array]) -> npt.NDArray[np.int64]:
+    """Return the triangles [T][3] of a closed body between two sections, counter-clockwise from outside.
+
+    Args:
+        start: outlines at one end, the outer one first; the body's first vertices.
+        end: outlines at the other, corner for corner; its other vertices.
+    """
+    stops = np.cumsum([len(ring) for ring in start])
+    m = stops[-1]
+    parts = [_cap(start)[:, ::-1], _cap(end) + m]
+    for i, ring in enumerate(start):
+        a = np.arange(len(ring)) + stops[i] - len(ring)
+        b = np.roll(a, -1)
+        sides = np.concatenate([np.column_stack([a, b, b + m]), np.column_stack([a, b + m, a + m])])
+        parts.append(sides if i == 0 else sides[:, ::-1])
+    return np.concatenate(parts)
+
+
+def _cap(rings: list[Array]) -> npt.NDArray[np.int64]:
+    """Return the triangles [T][3] of a section, counter-clockwise."""
+    import mapbox_earcut
+
+    corners, stops = np.concatenate(rings), np.cumsum([len(ring) for ring in rings])
+    cap = mapbox_earcut.triangulate_float64(corners, stops.astype(np.uint32)).reshape(-1, 3).astype(np.int64)
+    a, b, c = corners[cap].transpose(1, 0, 2)
+    clockwise = (b - a)[:, 0] * (c - a)[:, 1] < (b - a)[:, 1] * (c - a)[:, 0]
+    cap[clockwise] = cap[clockwise, ::-1]
+    return np.asarray(cap)
 
 
 def _polygon_moments(outline: Array) -> Array:

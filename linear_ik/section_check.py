@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from linear_ik.correspondence import Correspondences
 from linear_ik.surface import Surface
+from linear_ik.tapered_surface import TaperedSurface
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -33,11 +34,15 @@ class SectionMisfit:
 
     def sentence(self, designed: Surface) -> str:
         """Say it in millimetres, against the designed section."""
+        where = " in the middle" if isinstance(designed, TaperedSurface) else ""
         if designed.radius_m is not None:
             radius = designed.radius_m * 1e3
-            return f"the section's radius measures {radius * self.scale[0]:.1f} mm where {radius:.1f} mm was designed"
+            return (
+                f"the section's radius{where} measures {radius * self.scale[0]:.1f} mm "
+                f"where {radius:.1f} mm was designed"
+            )
         (w, d), (sx, sy) = designed.size_m * 1e3, self.scale
-        return f"the section measures {w * sx:.1f} x {d * sy:.1f} mm where {w:.1f} x {d:.1f} mm was designed"
+        return f"the section{where} measures {w * sx:.1f} x {d * sy:.1f} mm where {w:.1f} x {d:.1f} mm was designed"
 
 
 def section_misfit(surface: Surface, pairs: Correspondences, used: Mask, noise_m: float) -> SectionMisfit | None:
@@ -94,7 +99,7 @@ def _told_apart(surface: Surface, pairs: Correspondences, noise_m: float) -> Mas
     """
     if surface.radius_m is not None:
         return np.ones(len(pairs.face), dtype=bool)
-    delta = pairs.local[:, :2] - surface.corners[pairs.face]
+    delta = pairs.section - surface.corners[pairs.face]
     along = np.einsum("ij,ij->i", surface.tangents[pairs.face], delta)
     middle = surface.corners + 0.5 * surface.widths_m[:, None] * surface.tangents
     thick = surface.distances(middle - 2.5 * noise_m * surface.normals) > 2.499 * noise_m

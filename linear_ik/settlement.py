@@ -233,7 +233,7 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     """Return the prior's deviations [6 + 3N] that make the joints from 2 on most probable.
 
     One variance an axis, by expectation maximisation on the Gaussian model of the last
-    step: ``v_axis = mean(theta^2 + S_ii)``. A straight member earns a stiff prior, a
+    step: ``v_axis = mean(theta^2 + S_ii)``, theta against the design. A straight member earns a stiff prior, a
     member with one sharp kink a loose one.
 
     Args:
@@ -247,8 +247,9 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     moving = problem.variables
     sd, now = problem.prior_sd.copy(), 1.0 / problem.prior_sd[moving] ** 2
     information = objective.H[np.ix_(moving, moving)] / noise_m**2 - np.diag(now)
-    # Right-hand side of the normal equations of the points alone, in x instead of dx.
-    pull = information @ x[moving] - (objective.c[moving] / noise_m**2 - now * (x - problem.prior_mean)[moving])
+    # Right-hand side of the normal equations of the points alone, in the departure from the design instead of dx.
+    off = (x - problem.prior_mean)[moving]
+    pull = information @ off - (objective.c[moving] / noise_m**2 - now * off)
     axes = [np.arange(BASE + 3 + axis, len(sd), 3) for axis in range(3)]
     rows = [(joints, np.searchsorted(moving, joints)) for joints in axes if np.isin(joints, moving).all()]
     diagonal = np.diag_indices(len(moving))
@@ -310,7 +311,7 @@ def foreign_segments(problem: Problem, found: Descended, ignored: Mask) -> Mask:
     noise_m = np.array([MAD_TO_SD * float(np.median(part)) if len(part) else 0.0 for part in parts])
     usual_m = float(np.median(noise_m[judged]))
     x, lower, upper = found.x[BASE:], problem.chain.lower[BASE:], problem.chain.upper[BASE:]
-    bends = np.linalg.norm(x.reshape(-1, 3)[:, 1:], axis=1)
+    bends = np.linalg.norm((x - problem.prior_mean[BASE:]).reshape(-1, 3)[:, 1:], axis=1)
     if problem.chain.upper[3] > 0:
         bends[0] = 0.0  # the first joint shares the base's rotation
     at_limit: Mask = np.any(((x <= lower) | (x >= upper)).reshape(-1, 3), axis=1)

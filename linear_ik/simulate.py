@@ -20,6 +20,7 @@ from linear_ik.element import Element
 from linear_ik.errors import SettingsError
 from linear_ik.scan import Scan
 from linear_ik.surface import Surface
+from linear_ik.tapered_surface import TaperedSurface, surface_of
 
 Array = npt.NDArray[np.float64]
 Layout = Literal["random", "grid"]
@@ -75,7 +76,8 @@ def simulate(
 ) -> SimulatedScan:
     """Return a point cloud of the bent element's outer lateral faces (paper 4.1).
 
-    Every segment gets the same number of points, the remainder spread along the element.
+    Every segment gets the same number of points, the remainder spread along the element;
+    of a tapered element, as many as are its share of the surface.
     A round section is sampled on its circle. The same seed gives the same bits.
 
     Args:
@@ -107,27 +109,28 @@ def simulate(
     rng = np.random.default_rng(check_whole("seed", seed, 0, 2**63))
     missing = [missing] if isinstance(missing, str) else missing
     bent = bend_element(element, bends, joint_angles_rad, displacement)
-    surface = Surface.of(element.profile)
+    surface = surface_of(element)
     n, length = element.segments, element.segment_length_m
 
     stops = points * np.arange(n + 1) // n
+    if isinstance(surface, TaperedSurface):
+        areas = np.cumsum([0.0, *(surface.section(k).perimeter_m for k in range(n))])
+        stops = np.round(points * areas / areas[-1]).astype(np.int64)
     if layout == "grid":
         s, z = _grid(surface.perimeter_m, length, np.diff(stops), perturbation, rng)
     else:
         s, z = surface.perimeter_m * rng.random(points), length * rng.random(points)
-    local = np.empty((points, 3))
-    local[:, :2], across = _on_outline(surface, s)
-    local[:, 2] = z
+    local, facing = _on_surface(surface, s, z, stops, length)
     noise = noise_m * rng.standard_normal((points, 3))
 
     out, normals = np.empty_like(local), np.empty_like(local)
     for k, T in enumerate(bent.T_base_segment):
         part = slice(stops[k], stops[k + 1])
         out[part] = local[part] @ T[:3, :3].T + T[:3, 3]
-        normals[part] = across[part] @ T[:3, :2].T
+        normals[part] = facing[part] @ T[:3, :3].T
     out += noise
     segment = np.repeat(np.arange(1, n + 1, dtype=np.int16), np.diff(stops))
-    hidden = _facing(across, missing)
+    hidden = _facing(facing[:, :2], missing)
     if hidden is not None:
         out, normals, segment = out[~hidden], normals[~hidden], segment[~hidden]
     if not len(out):
@@ -142,6 +145,20 @@ def simulate(
         nodes_m=bent.nodes_m,
         base_pose=bent.base_pose,
     )
+
+
+def _on_surface(
+    surface: Surface, s: Array, z: Array, stops: npt.NDArray[np.int64], length_m: float
+) -> tuple[Array, Array]:
+    """Return points [P][3] at ``s`` along the outline and ``z`` along their segment, and their normals [P][3]."""
+    if isinstance(surface, TaperedSurface):
+        around, along = s / surface.perimeter_m, z / length_m
+        parts = [slice(*stops[k : k + 2]) for k in range(len(stops) - 1)]
+        pieces = [surface.on_segment(k, around[part], along[part]) for k, part in enumerate(parts)]
+        local, normals = (np.concatenate(column) for column in zip(*pieces, strict=True))
+        return local, normals
+    xy, across = _on_outline(surface, s)
+    return np.column_stack([xy, z]), np.column_stack([across, np.zeros(len(s))])
 
 
 def _on_outline(surface: Surface, s: Array) -> tuple[Array, Array]:

@@ -1,7 +1,7 @@
 """Start-up: finding the right basin from the base outwards, one segment at a time.
 
 A descent finds the nearest fit, which may be the wrong side of a plate or a neighbour.
-So the chain is grown: each new segment goes straight on where that explains the points
+So the chain is grown: each new segment goes on as designed where that explains the points
 around it, and else the direction is searched, by counting the points a candidate would
 explain. Hypotheses compete by that count, less what their bends cost under the prior.
 Matches are narrow throughout (a few times the noise): clutter 50 mm away does not pull.
@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import BASE
 from linear_ik.descent import Log, Stage, descend
-from linear_ik.distance_field import NEAR_M, DistanceField
+from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.repair import repair
@@ -41,7 +41,7 @@ class Hypothesis:
     """A chain grown so far.
 
     Attributes:
-        x: [6 + 3N] variables; those of segments not grown yet are 0.
+        x: [6 + 3N] variables; those of segments not grown yet are the design's.
         score: points explained, less the cost of the bends.
         arm: first segment of a stretch that no point supports (from 0), or None.
         support: points that each grown segment explains.
@@ -63,13 +63,14 @@ class Startup:
         self.problem, self.points, self.noise_m = problem, points, noise_m
         self.settings, self.solver, self.log = settings, solver, log
         self.tau_m = float(np.clip(4.0 * noise_m, LEAST_TAU_M, MOST_TAU_M))
-        self.field = DistanceField(problem.surface)
+        self.fields = distance_fields(problem.surface)
         self.rng = np.random.default_rng(settings.seed)
+        self.design = problem.designed
         self.floating = bool(problem.chain.upper[0] > 0)
 
     def run(self) -> Array:
         """Return the variables [6 + 3N] of the best hypothesis, refined on all joints."""
-        beam = [Hypothesis(self.problem.straight, 0.0, None, ())]
+        beam = [Hypothesis(self.design, 0.0, None, ())]
         for k in range(self.problem.element.segments):
             children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
             beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
@@ -80,14 +81,14 @@ class Startup:
         # The two sides of a thin plate are told apart by a score no wider than the noise asks for.
         sharp_m = float(np.clip(2.5 * self.noise_m, LEAST_TAU_M / 2, self.tau_m))
         sharply = partial(self.score, tau_m=sharp_m)
-        return repair(self.problem, x, self.around(x), self.field, sharp_m, self.finish, sharply)
+        return repair(self.problem, x, self.around(x), self.fields, sharp_m, self.finish, sharply)
 
     def extend(self, parent: Hypothesis, k: int, alone: bool) -> list[Hypothesis]:
         """Return the ways to add segment k (from 0) to a hypothesis."""
-        straight = self.refined(parent.x, k, parent, alone)
-        if (k > 0 or not self.floating) and self.explains(straight, k):
-            return [straight]
-        return [straight, *(self.refined(x, k, parent, alone) for x in self.searched(parent, k))]
+        design_on = self.refined(parent.x, k, parent, alone)
+        if (k > 0 or not self.floating) and self.explains(design_on, k):
+            return [design_on]
+        return [design_on, *(self.refined(x, k, parent, alone) for x in self.searched(parent, k))]
 
     def refined(self, x: Array, k: int, parent: Hypothesis, alone: bool) -> Hypothesis:
         """Descend on joint k, then on the last three, and score the outcome.
@@ -134,7 +135,7 @@ class Startup:
         around = local[beside & (local[:, 2] > 0.1 * length) & (local[:, 2] < 0.9 * length)]
         if len(around) < 12:
             return False
-        share = float(np.mean(self.problem.surface.distances(around[:, :2]) < self.tau_m))
+        share = float(np.mean(self.problem.surface.section(k).distances(around[:, :2]) < self.tau_m))
         usual = float(np.median(h.support))
         return share >= EXPLAINED_SHARE and h.support[k] >= 0.6 * usual
 
@@ -150,10 +151,12 @@ class Startup:
         before = pose.rotations[first - 1] if first else np.eye(3)
         shifts = self.shifts() if first == 0 else np.zeros((1, 3))
         bends = self.bends(first, parent.x)
-        turns = before @ bend_rotations(bends)
-        scores = np.stack([self.field.scores(points - pose.nodes_m[first] - s, turns, length) for s in shifts])
         row = BASE + 3 * first + 1
-        scores -= 0.5 * ((bends / self.problem.prior_sd[row : row + 2]) ** 2).sum(axis=1)
+        designed = self.design[row : row + 2]
+        turns = before @ bend_rotations(bends, float(self.design[row - 1]))
+        field = self.fields((first + k) // 2)
+        scores = np.stack([field.scores(points - pose.nodes_m[first] - s, turns, length) for s in shifts])
+        scores -= 0.5 * (((bends - designed) / self.problem.prior_sd[row : row + 2]) ** 2).sum(axis=1)
         wanted = 8 if len(shifts) > 1 else CHILDREN
         taken: list[tuple[Array, Array]] = []
         for best in np.argsort(-scores, axis=None)[:2000]:
@@ -164,11 +167,12 @@ class Startup:
                 x = parent.x.copy()
                 x[:3] += shift
                 # A base that may turn takes what its tolerance allows, the joint the rest.
-                held = np.clip(bend, chain.lower[4:6], chain.upper[4:6]) if first == 0 else np.zeros(2)
+                held = np.clip(bend - designed, chain.lower[4:6], chain.upper[4:6]) if first == 0 else np.zeros(2)
                 if first == 0:
                     x[3:6] = [0.0, *held]
-                # The rest of an arm goes straight on.
-                x[BASE + 3 * first : BASE + 3 * k + 3] = 0.0
+                # The rest of an arm goes on as designed.
+                arm = slice(BASE + 3 * first, BASE + 3 * k + 3)
+                x[arm] = self.design[arm]
                 x[row : row + 2] = bend - held
                 yield chain.clip(x)
             if len(taken) == wanted:
@@ -177,13 +181,13 @@ class Startup:
     def turned(self, x: Array, k: int) -> Array:
         """Return the variables [6 + 3N], joints from k (from 0) on turned to their points up to the first that bends.
 
-        What follows that joint goes straight on: from there on a descent sees for itself.
+        What follows that joint goes on as designed: from there on a descent sees for itself.
         """
         x = x.copy()
-        x[BASE + 3 * k :] = 0.0
+        x[BASE + 3 * k :] = self.design[BASE + 3 * k :]
         for j in range(k, self.problem.element.segments):
             x = next(self.searched(Hypothesis(x, 0.0, None, ()), j), x)
-            if np.abs(x[BASE + 3 * j : BASE + 3 * j + 3]).max() > BENT_RAD:
+            if np.abs((x - self.design)[BASE + 3 * j : BASE + 3 * j + 3]).max() > BENT_RAD:
                 break
         return x
 
@@ -195,7 +199,7 @@ class Startup:
         return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
 
     def bends(self, joint: int, x: Array) -> Array:
-        """Return candidate angles (y, x) [D][2] of a joint within its limits."""
+        """Return candidate angles (y, x) [D][2] of a joint within its limits: about the designed ones."""
         chain = self.problem.chain
         rows = [BASE + 3 * joint + 1, BASE + 3 * joint + 2]
         low, high = chain.lower[rows], chain.upper[rows]
@@ -213,7 +217,9 @@ class Startup:
             [np.arctan2(np.sin(tilt) * np.cos(azimuth), np.cos(tilt)), -np.arcsin(np.sin(tilt) * np.sin(azimuth))]
         )
         if joint:
-            candidates = np.concatenate([candidates, x[None, [rows[0] - 3, rows[1] - 3]]])
+            last = [rows[0] - 3, rows[1] - 3]
+            candidates = np.concatenate([candidates, (x - self.design)[None, last]])
+        candidates = candidates + self.design[rows]
         inside = ((candidates >= low - 1e-12) & (candidates <= high + 1e-12)).all(axis=1)
         return np.asarray(np.unique(candidates[inside].round(9), axis=0))
 
@@ -255,7 +261,7 @@ class Startup:
 
     def bend_cost(self, x: Array) -> float:
         """Return what the bends cost under the prior: minus the logarithm of their probability."""
-        return 0.5 * float(((x / self.problem.prior_sd)[BASE:] ** 2).sum())
+        return 0.5 * float((((x - self.design) / self.problem.prior_sd)[BASE:] ** 2).sum())
 
     def best(self, hypotheses: list[Hypothesis], width: int) -> list[Hypothesis]:
         """Return the best distinct hypotheses, best first."""
@@ -284,8 +290,10 @@ def explained(distance_m: Array, tau_m: float) -> float:
     return float(np.maximum(0.0, 1.0 - (distance_m / tau_m) ** 2).sum())
 
 
-def bend_rotations(bends: Array) -> Array:
-    """Return Ry(y) Rx(x) [D][3][3] of angles (y, x) [D][2]."""
+def bend_rotations(bends: Array, twist: float = 0.0) -> Array:
+    """Return Rz(twist) Ry(y) Rx(x) [D][3][3] of angles (y, x) [D][2]."""
     cy, sy, cx, sx = np.cos(bends[:, 0]), np.sin(bends[:, 0]), np.cos(bends[:, 1]), np.sin(bends[:, 1])
     zero = np.zeros(len(bends))
-    return np.stack([cy, sy * sx, sy * cx, zero, cx, -sx, -sy, cy * sx, cy * cx], axis=1).reshape(-1, 3, 3)
+    turns = np.stack([cy, sy * sx, sy * cx, zero, cx, -sx, -sy, cy * sx, cy * cx], axis=1).reshape(-1, 3, 3)
+    cz, sz = np.cos(twist), np.sin(twist)
+    return np.asarray(np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]]) @ turns)

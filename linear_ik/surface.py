@@ -42,14 +42,14 @@ class Surface:
         """Return the outer faces of ``profile``."""
         return cls.of_outline(profile.outline(), profile.radius_m)
 
-    @classmethod
-    def of_outline(cls, corners: Array, radius_m: float | None) -> Surface:
+    @staticmethod
+    def of_outline(corners: Array, radius_m: float | None) -> Surface:
         """Return the faces of an outline [E][2], counter-clockwise."""
         edges = np.roll(corners, -1, axis=0) - corners
         widths = np.linalg.norm(edges, axis=1)
         tangents = edges / widths[:, None]
         normals = np.column_stack([tangents[:, 1], -tangents[:, 0]])
-        return cls(corners, tangents, normals, widths, radius_m)
+        return Surface(corners, tangents, normals, widths, radius_m)
 
     @cached_property
     def _sharp_corners(self) -> Array:
@@ -110,11 +110,40 @@ class Surface:
         """
         n = len(self.corners)
         bottom = np.column_stack([self.corners, np.zeros(n)])
-        vertices = np.concatenate([bottom, bottom + [0, 0, length_m]])
+        return np.concatenate([bottom, bottom + [0, 0, length_m]]), self._triangles(n)
+
+    def section(self, k: int) -> Surface:
+        """Return the section in the middle of segment k, counted from 0: here that of every segment."""
+        return self
+
+    def segment_meshes(self, segment_length_m: Array) -> tuple[Array, npt.NDArray[np.uint32]]:
+        """Return vertices [N][2E][3] of each segment, to tell faces apart, and triangles [2E][3] of all.
+
+        Triangles 2e and 2e + 1 belong to face e. A round section has one face, whose
+        residual needs no chords: a quarter of them tells the segments apart.
+        """
+        unit, triangles = self.of_outline(self._coarse(self.corners), self.radius_m).mesh(1.0)
+        vertices = np.repeat(unit[None], len(segment_length_m), axis=0)
+        vertices[:, :, 2] *= segment_length_m[:, None]
+        return vertices, triangles
+
+    def sample(self, each: int, segment_length_m: Array, rng: np.random.Generator) -> Array:
+        """Return ``each`` random points on the surface of every segment [N][each][3], in its frame."""
+        n = len(segment_length_m)
+        xy = self.at(rng.random(n * each) * self.perimeter_m)
+        z = rng.random(n * each) * np.repeat(segment_length_m, each)
+        return np.column_stack([xy, z]).reshape(n, each, 3)
+
+    def _coarse(self, corners: Array) -> Array:
+        return corners if self.radius_m is None else corners[::4]
+
+    @staticmethod
+    def _triangles(n: int) -> npt.NDArray[np.uint32]:
+        """Return the triangles [2n][3] of a tube on rings of n corners."""
         a = np.arange(n)
         b = (a + 1) % n
         triangles = np.stack([np.column_stack([a, b, b + n]), np.column_stack([a, b + n, a + n])], axis=1)
-        return vertices, triangles.reshape(-1, 3).astype(np.uint32)
+        return triangles.reshape(-1, 3).astype(np.uint32)
 
     def offsets(self, xy: Array, edge: Index) -> tuple[Array, Array]:
         """Return the signed distance [P] of points to their face, and its gradient [P][2].

@@ -87,7 +87,7 @@ def tally(problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored:
         matched += np.bincount(segment[on], minlength=n)
         beside += np.bincount(segment[near & ~on], minlength=n)
         squares += np.bincount(segment[on], pairs.residual_m[on] ** 2, minlength=n)
-        _touch(touched, problem, segment[on], pairs.local[on], pairs.face[on])
+        _touch(touched, problem, segment[on], pairs.section[on], pairs.local[on, 2], pairs.face[on])
         weighted += int(np.count_nonzero(weights))
         cost += float(weights @ pairs.residual_m**2)
         weight += float(weights.sum())
@@ -104,10 +104,10 @@ def cells(problem: Problem) -> tuple[int, int]:
     return around, int(np.ceil(problem.element.segment_length_m / cell_m))
 
 
-def _touch(touched: Mask, problem: Problem, segment: Index, local: Array, face: Index) -> None:
+def _touch(touched: Mask, problem: Problem, segment: Index, section: Array, z_m: Array, face: Index) -> None:
     _, around, along = touched.shape
-    s = problem.surface.length_along(local[:, :2], face) / problem.surface.perimeter_m * around
-    z = local[:, 2] / problem.element.segment_length_m * along
+    s = problem.surface.length_along(section, face) / problem.surface.perimeter_m * around
+    z = z_m / problem.element.segment_length_m * along
     row = np.clip(s.astype(np.intp), 0, around - 1)
     touched[segment, row, np.clip(z.astype(np.intp), 0, along - 1)] = True
 

@@ -12,7 +12,7 @@ from typing import TYPE_CHECKING
 from linear_ik.atomic import check_writable, write_atomically
 from linear_ik.element import Element
 from linear_ik.errors import OutputError
-from linear_ik.profile import Circle, Profile, Rectangle
+from linear_ik.profile import Circle, Rectangle
 from linear_ik.section import body_inertia, extruded_mesh
 
 if TYPE_CHECKING:
@@ -36,33 +36,30 @@ def generate_urdf(element: Element, mesh_folder: str | None = None) -> str:
 
     Args:
         element: what was designed; its placement stays outside.
-        mesh_folder: folder of the mesh, as the URDF should name it. Only rectangles and
-            circles do without; the others have no visual and no collision geometry when
-            it is None. `write_urdf` writes the mesh as well.
+        mesh_folder: folder of the meshes, as the URDF should name it. Only rectangles and
+            circles that do not taper do without; the others have no visual and no
+            collision geometry when it is None. `write_urdf` writes the meshes as well.
 
     Returns:
         XML text without a declaration, which is UTF-8 by definition.
     """
-    limit_x, limit_y, limit_z = (float(v) for v in element.joint_limit_rad)
     return _template().render(
         name=_printable(element.name),
-        segments=segment_names(element.segments),
+        segments=_segments(element, mesh_folder),
         length_m=element.segment_length_m,
-        limit_rad={"x": limit_x, "y": limit_y, "z": limit_z},
         effort_nm=EFFORT_NM,
         velocity_rad_s=VELOCITY_RAD_S,
-        body=body_inertia(element.profile, element.segment_length_m, element.density_kg_m3),
-        geometry=_geometry(element, mesh_folder),
         rgba=RGBA,
     )
 
 
 def write_urdf(element: Element, path: str | os.PathLike[str]) -> list[Path]:
-    """Write an element's URDF, and the mesh of a section that is no box or cylinder.
+    """Write an element's URDF, and the mesh of a segment that is no box or cylinder.
 
-    The mesh, one for all segments, goes to ``<name>_meshes/`` beside the URDF, which
-    names it relative to itself. Its file name is a digest of the section and length, so
-    that elements of one name in one folder keep their own.
+    The mesh, one for all segments or, of a tapered element, one for each, goes to
+    ``<name>_meshes/`` beside the URDF, which names it relative to itself. Its file name
+    is a digest of the section and length, so that elements of one name in one folder
+    keep their own.
 
     Args:
         element: what was designed.
@@ -75,16 +72,17 @@ def write_urdf(element: Element, path: str | os.PathLike[str]) -> list[Path]:
         OutputError: a path that cannot be written to.
     """
     target = check_writable(path)
-    if needs_mesh(element.profile):
-        folder = f"{file_stem(element.name)}_meshes"
-        mesh_path = target.parent / folder / mesh_name(element)
-        from trimesh.exchange.stl import export_stl
+    if not needs_mesh(element):
+        return [write_atomically(target, generate_urdf(element))]
+    from trimesh.exchange.stl import export_stl
 
-        content = export_stl(extruded_mesh(element.profile, element.segment_length_m))
-        # The mesh first: a URDF never names a file that is not there.
-        write_atomically(mesh_path, content)
-        return [write_atomically(target, generate_urdf(element, folder)), mesh_path]
-    return [write_atomically(target, generate_urdf(element))]
+    folder, paths = f"{file_stem(element.name)}_meshes", []
+    # The meshes first: a URDF never names a file that is not there.
+    for k in range(element.segments if element.is_tapered else 1):
+        start, end = element.segment_profiles(k)
+        content = export_stl(extruded_mesh(start, element.segment_length_m, end))
+        paths.append(write_atomically(target.parent / folder / mesh_name(element, k), content))
+    return [write_atomically(target, generate_urdf(element, folder)), *paths]
 
 
 def segment_names(segments: int) -> list[str]:
@@ -98,14 +96,15 @@ def joint_names(segments: int) -> list[str]:
     return [f"{name}_{axis}" for name in segment_names(segments) for axis in "zyx"]
 
 
-def needs_mesh(profile: Profile) -> bool:
-    """Say whether URDF has no primitive of this section."""
-    return not isinstance(profile, (Rectangle, Circle))
+def needs_mesh(element: Element) -> bool:
+    """Say whether URDF has no primitive of this element's segments."""
+    return element.is_tapered or not isinstance(element.profile, (Rectangle, Circle))
 
 
-def mesh_name(element: Element) -> str:
-    """Return the file name of the mesh that all segments of an element share."""
-    shape = f"{element.profile!r} {element.segment_length_m!r}"
+def mesh_name(element: Element, k: int = 0) -> str:
+    """Return the file name of the mesh of segment k (from 0), which all share where nothing tapers."""
+    start, end = element.segment_profiles(k)
+    shape = f"{start!r} {element.segment_length_m!r}" + (f" {end!r}" if end is not None else "")
     return f"{element.profile.type}_{hashlib.sha256(shape.encode()).hexdigest()[:8]}.stl"
 
 
@@ -127,16 +126,31 @@ def template_folder() -> Path:
     raise OutputError(package / "urdf_templates", "is missing", "linear_ik installed with its urdf_templates")
 
 
-def _geometry(element: Element, mesh_folder: str | None) -> dict[str, object]:
+def _segments(element: Element, mesh_folder: str | None) -> list[dict[str, object]]:
+    """Return name, joint limits, inertia and geometry of each segment, as the template takes them."""
+    bodies: list[dict[str, object]] = []
+    for k in range(element.segments if element.is_tapered else 1):
+        start, end = element.segment_profiles(k)
+        inertia = body_inertia(start, element.segment_length_m, element.density_kg_m3, end)
+        bodies.append({"body": inertia, "geometry": _geometry(element, k, mesh_folder)})
+    names, limits = segment_names(element.segments), element.joint_limits_rad.tolist()
+    return [
+        {"name": name, "limits_rad": dict(zip("xyz", limits[k], strict=True)), **bodies[min(k, len(bodies) - 1)]}
+        for k, name in enumerate(names)
+    ]
+
+
+def _geometry(element: Element, k: int, mesh_folder: str | None) -> dict[str, object]:
     profile = element.profile
-    if isinstance(profile, Rectangle):
+    if isinstance(profile, Rectangle) and not element.is_tapered:
         return {"kind": "box", "size_m": (profile.x_dim, profile.y_dim)}
-    if isinstance(profile, Circle):
+    if isinstance(profile, Circle) and not element.is_tapered:
         return {"kind": "cylinder", "radius_m": profile.radius}
     if mesh_folder is None:
         return {"kind": "none"}
     folder = mesh_folder.rstrip("/")
-    return {"kind": "mesh", "file": f"{folder}/{mesh_name(element)}" if folder else mesh_name(element)}
+    file = mesh_name(element, k)
+    return {"kind": "mesh", "file": f"{folder}/{file}" if folder else file}
 
 
 @lru_cache(maxsize=1)

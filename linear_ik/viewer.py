@@ -9,7 +9,6 @@ from __future__ import annotations
 import os
 import time
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -19,8 +18,17 @@ from linear_ik.chain import Chain
 from linear_ik.element import Element
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
-from linear_ik.section import extruded_mesh
 from linear_ik.viewer_page import Scene
+from linear_ik.viewer_shapes import (
+    axis_distances_m,
+    design_body,
+    designed_nodes_m,
+    material,
+    reach_m,
+    segment_bodies,
+    segment_triangles,
+    transform,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -62,11 +70,10 @@ class Viewer:
         """Show an element as designed, and turn the camera to it."""
         self._element, self._chain = element, Chain.of(element)
         T = element.placement.T_world_element
-        end = T[:3, 3] + T[:3, 2] * element.length_m
-        self._look_at(T[:3, 3], end, T[:3, 0] + T[:3, 1])
-        body = _mesh(element, element.length_m)
-        self._vis["design"].set_object(body, _material(DESIGNED, opacity=0.35))
-        T_view = _transform(T[:3, :3], self._local(T[:3, 3]))
+        start, end = designed_nodes_m(element)[[0, -1]]
+        self._look_at(start, end, T[:3, 0] + T[:3, 1])
+        self._vis["design"].set_object(design_body(element), material(DESIGNED, opacity=0.35))
+        T_view = transform(T[:3, :3], self._local(T[:3, 3]))
         self._vis["design"].set_transform(T_view)
         self._vis["/Axes"].set_transform(T_view)
         self._caption("#ffffff", f"designed: {element.name}")
@@ -117,9 +124,9 @@ class Viewer:
             self._look_at(nodes[0], nodes[-1], np.asarray(base_pose)[:3, :2].sum(axis=1))
         if self._fitted is not element:
             self._vis["fitted"].delete()
-            body, material = _mesh(element, element.segment_length_m), _material(FITTED, opacity=0.5)
-            for k in range(element.segments):
-                self._vis[f"fitted/{k + 1}"].set_object(body, material)
+            green = material(FITTED, opacity=0.5)
+            for k, body in enumerate(segment_bodies(element)):
+                self._vis[f"fitted/{k + 1}"].set_object(body, green)
             self._fitted = element
             self._caption("#35b24a", "fitted")
         for k, T in enumerate(self._poses(q, base_pose)):
@@ -194,11 +201,7 @@ class Viewer:
         random = np.random.default_rng(0)
         if self._element is None:
             return np.sort(random.choice(len(points), MOST_POINTS, replace=False))
-        T = self._element.placement.T_world_element
-        along = (points - T[:3, 3]) @ T[:3, 2]
-        ends = T[:3, 3] + np.clip(along, 0, self._element.length_m)[:, None] * T[:3, 2]
-        reach = NEAR_M + np.linalg.norm(self._element.profile.outline(), axis=1).max()
-        is_near = np.linalg.norm(points - ends, axis=1) < reach
+        is_near = axis_distances_m(self._element, points) < NEAR_M + reach_m(self._element)
         near, far = np.flatnonzero(is_near), np.flatnonzero(~is_near)
         n_near = min(len(near), max(int(NEAR_SHARE * MOST_POINTS), MOST_POINTS - len(far)))
         n_far = min(len(far), MOST_POINTS - n_near)
@@ -209,12 +212,12 @@ class Viewer:
         """Return the distance of every point [P] to the fitted surface."""
         import open3d as o3d
 
-        mesh = extruded_mesh(result.element.profile, result.element.segment_length_m)
-        vertices, faces = np.asarray(mesh.vertices), np.asarray(mesh.faces).astype(np.uint32)
         scene = o3d.t.geometry.RaycastingScene()
-        for T in self._poses(result.q, result.base_pose):
+        for k, T in enumerate(self._poses(result.q, result.base_pose)):
+            if k == 0 or result.element.is_tapered:
+                vertices, triangles = segment_triangles(result.element, k)
             placed = (vertices @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
-            scene.add_triangles(o3d.core.Tensor(placed), o3d.core.Tensor(faces))
+            scene.add_triangles(o3d.core.Tensor(placed), o3d.core.Tensor(triangles.astype(np.uint32)))
         local = np.ascontiguousarray(self._local(scan.points), dtype=np.float32)
         return np.asarray(scene.compute_distance(o3d.core.Tensor(local)).numpy(), dtype=np.float64)
 
@@ -250,7 +253,7 @@ class Viewer:
         camera.set_property("near", extent / 1000)
         camera.set_property("far", extent * 100)
         floor = self._local(np.array([*(start + end)[:2] / 2, min(start[2], end[2])]))
-        self._vis["/Grid"].set_transform(_transform(np.eye(3), floor))
+        self._vis["/Grid"].set_transform(transform(np.eye(3), floor))
 
     def _turn_to_seen_side(self, points: Array) -> None:
         """Turn the camera to the side of the member that most of its points are on."""
@@ -258,39 +261,17 @@ class Viewer:
             return
         T, half = self._element.placement.T_world_element, self._element.length_m / 2
         inside = (points - T[:3, 3]) @ T[:3, :3]
-        reach = 2 * np.linalg.norm(self._element.profile.outline(), axis=1).max()
+        reach = 2 * reach_m(self._element)
         seen = inside[np.linalg.norm(inside[:, :2], axis=1) < reach + half / 5, :2].mean(axis=0)
         if not np.linalg.norm(seen) > 0.002 * reach:
             return
         # A little past it, so that the neighbouring face shows too.
         x, y = seen / np.linalg.norm(seen)
         side = T[:3, :2] @ (np.array([x, y]) + 0.5 * np.array([-y, x]))
-        self._look_at(T[:3, 3], T[:3, 3] + 2 * half * T[:3, 2], side)
+        start, end = designed_nodes_m(self._element)[[0, -1]]
+        self._look_at(start, end, side)
 
     def _caption(self, colour: str | None, text: str) -> None:
         kind = text.split(":")[0]
         others = [line for line in self.scene.captions if line[1].split(":")[0] != kind]
         self.scene.captions = [*others, (colour, text)]
-
-
-def _mesh(element: Element, length_m: float) -> Any:
-    """Return meshcat's geometry of the element's section over a length."""
-    from meshcat.geometry import TriangularMeshGeometry
-
-    mesh = extruded_mesh(element.profile, length_m)
-    # Corners of their own for each triangle: shared ones would be shaded as if the edges were rounded.
-    vertices = np.asarray(mesh.vertices)[np.asarray(mesh.faces)].reshape(-1, 3)
-    return TriangularMeshGeometry(vertices, np.arange(len(vertices)).reshape(-1, 3))
-
-
-def _material(colour: int, opacity: float) -> Any:
-    from meshcat.geometry import MeshLambertMaterial
-
-    # Neither hides the points inside it.
-    return MeshLambertMaterial(color=colour, opacity=opacity, depthWrite=False)
-
-
-def _transform(rotation: Array, translation: Array) -> Array:
-    T = np.eye(4)
-    T[:3, :3], T[:3, 3] = rotation, translation
-    return T

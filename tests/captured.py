@@ -11,7 +11,7 @@ import numpy as np
 import pytest
 
 import linear_ik
-from linear_ik.element import Element, Placement
+from linear_ik.element import Element, Placement, PlacementTolerance
 from linear_ik.profile import Circle, IShape, Profile, Rectangle
 from linear_ik.scan import Scan
 
@@ -20,6 +20,29 @@ needs_captured_scans = pytest.mark.skipif(
     not DATA.is_dir(), reason=f"the captured scans are not in {DATA} (LINEAR_IK_DATA)"
 )
 
+WIRE_RADIUS_M = 0.004
+# Picked from the points: from near the trunk outwards.
+WIRE_M = (
+    (0.452, -0.133, 0.322),
+    (0.409, -0.145, 0.320),
+    (0.370, -0.172, 0.320),
+    (0.331, -0.184, 0.322),
+    (0.311, -0.167, 0.331),
+    (0.289, -0.149, 0.331),
+    (0.250, -0.130, 0.327),
+    (0.2245, -0.124, 0.321),
+    (0.2015, -0.113, 0.320),
+)
+# The grid of its points is 1/64 m in x and 1/32 m in y, for a post some 0.12 m thick.
+POST_M = (
+    (-9.835, 0.015, -5.40),
+    (-10.03, -0.005, -0.25),
+    (-10.035, 0.0, 0.12),
+    (-10.09, 0.03, 0.24),
+    (-10.17, 0.07, 0.30),
+    (-10.31, 0.14, 0.345),
+    (-10.48, 0.22, 0.36),
+)
 STEEL, PUMP = "steel_joint.txt", "pump.e57"
 FILE_OF = {
     "heb340": STEEL,
@@ -28,6 +51,8 @@ FILE_OF = {
     "timber_000Z": "timber_000Z.ply",
     "pipe_west": PUMP,
     "pipe_east": PUMP,
+    "wire": "wire_harness.txt",
+    "lamppost": "lamppost.pcd",
 }
 
 
@@ -51,6 +76,10 @@ def element_of(name: str) -> Element:
         return _between(name, Circle(0.0881), (-1.1005, -1.9523, 0.20), (-1.0978, -1.9500, 1.15))
     if name == "pipe_east":
         return _between(name, Circle(0.0891), (0.5885, -3.2545, 0.50), (0.5942, -3.2524, 1.30))
+    if name == "wire":
+        return _along(name, Circle(WIRE_RADIUS_M), WIRE_M, 14, PlacementTolerance(0.01, 2.0))
+    if name == "lamppost":
+        return _along(name, Circle(0.06), POST_M, 20, PlacementTolerance(), Circle(0.03))
     design = json.loads((DATA / "timber_design.json").read_text(encoding="utf-8"))[name]
     width, height = np.array(design["section_mm"]) / 1000
     return _between(
@@ -64,3 +93,23 @@ def _between(name: str, profile: Profile, start, end, x=None, y=None) -> Element
         x = np.cross(y, axis)
     placement = Placement(tuple(start), tuple(axis), None if x is None else tuple(x))
     return Element(name, profile, float(np.linalg.norm(axis)), placement=placement, start="free")
+
+
+def _along(
+    name: str, profile: Profile, points, segments: int, tolerance: PlacementTolerance, end: Profile | None = None
+) -> Element:
+    """An element along a polyline in the scan's coordinates."""
+    world = np.array(points)
+    placement = Placement(tuple(world[0]), tuple(world[1] - world[0]))
+    local = (world - world[0]) @ placement.T_world_element[:3, :3]
+    return Element(
+        name,
+        profile,
+        float(np.linalg.norm(np.diff(local, axis=0), axis=1).sum()),
+        segments,
+        placement,
+        start="free",
+        placement_tolerance=tolerance,
+        profile_end=end,
+        axis_points=tuple(map(tuple, local)),
+    )

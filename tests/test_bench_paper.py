@@ -385,7 +385,7 @@ def test_variants_of_the_terms_are_what_they_say() -> None:
 
     case = named("1a")
     problem = Problem.of(case.element, case.scan(1, 500))
-    x = problem.straight.copy()
+    x = problem.designed.copy()
     x[BASE:] = np.random.default_rng(0).uniform(-0.1, 0.1, len(x) - BASE)
     weights = FitSettings(method="icpik", continuity=0.5, directional=0.0).weights
     pulling = variants.pulling_angles(descent.shape_damping)(x, 1.0, weights)

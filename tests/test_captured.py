@@ -139,3 +139,23 @@ def test_the_same_member_from_half_its_points():
     T = half.element.placement.T_world_element
     apart = (half.nodes_m - fitted("timber_000Z").nodes_m) @ T[:3, :3]
     assert np.abs(apart[:, :2]).max() < 0.0015
+
+
+def test_a_wire_of_a_harness_lies_on_its_points():
+    result = fitted("wire")
+    assert result.status in ("converged", "uncertain"), result.reasons
+    check_consistent(result)
+    assert all(s.status == "measured" for s in result.segments)
+    distance = distances_m("wire")
+    # A depth camera sees one side of it, 8 mm thick.
+    on_it = distance[distance < 0.004]
+    assert len(on_it) > 200
+    assert np.median(on_it) < 0.0015
+    assert result.surface_rmse_m < 0.002
+
+
+def test_the_lamppost_is_not_believed():
+    """Its points lie on a grid of up to 31 mm, a quarter of its thickness, and make up no surface."""
+    result = fitted("lamppost")
+    assert result.status == "not_scanned"
+    assert any("make up no surface" in reason for reason in result.reasons)

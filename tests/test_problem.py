@@ -69,7 +69,7 @@ def test_what_may_move(profile: Profile, start: str, held: list[int]) -> None:
     assert np.setdiff1d(np.arange(15), problem.variables).tolist() == held
     assert problem.may_slide == (start in ("roller", "free"))
     assert np.setdiff1d(np.arange(15), problem.released().variables).tolist() == [i for i in held if i != AXIAL]
-    assert not problem.straight.any()
+    assert not problem.designed.any()
 
 
 @pytest.mark.parametrize("end", ["free", "roller", "pinned", "fixed"])
@@ -88,7 +88,7 @@ def test_another_prior_other_points_another_section() -> None:
     assert stiffer.expecting(2 * sd).prior_mean is mean
     assert len(problem.seeing(problem.points[:7]).points) == 7 and len(problem.points) == 50
     wider = problem.measuring(problem.surface.scaled(np.array([1.1, 1.0])))
-    pairs = wider.matcher.match(wider.chain.pose(wider.straight), np.array([[0.06, 0.0, 1.0]]))
+    pairs = wider.matcher.match(wider.chain.pose(wider.designed), np.array([[0.06, 0.0, 1.0]]))
     assert pairs.residual_m[0] == pytest.approx(0.005)
 
 

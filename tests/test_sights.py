@@ -39,7 +39,7 @@ def test_points_in_single_precision_are_found_again() -> None:
 def test_no_point_is_given_to_a_face_that_looks_away() -> None:
     scan = scan_virtually(THIN, stations=STATIONS, range_noise_m=0.004, points=4000, seed=3)
     problem = Problem.of(THIN, scan)
-    pose = problem.chain.pose(problem.straight)
+    pose = problem.chain.pose(problem.designed)
     pairs = problem.matcher.match(pose, problem.points)
     normals = problem.surface.normals[pairs.face]
     sight = problem.matcher.sights.stations_of(problem.points[pairs.order]) - problem.points[pairs.order]

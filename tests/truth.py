@@ -48,8 +48,9 @@ def check_consistent(result: FitResult) -> None:
     """Assert what must hold of any result, right or wrong."""
     element, n = result.element, result.element.segments
     assert result.joint_angles_rad.shape == (n, 3) and result.joint_limits_rad.shape == (n, 3, 2)
-    np.testing.assert_array_equal(result.joint_limits_rad[..., 1], np.tile(element.joint_limit_rad, (n, 1)))
-    np.testing.assert_array_equal(result.joint_limits_rad[..., 0], -result.joint_limits_rad[..., 1])
+    designed = element.design.angles_rad
+    np.testing.assert_array_equal(result.joint_limits_rad[..., 1], designed + element.joint_limit_rad)
+    np.testing.assert_array_equal(result.joint_limits_rad[..., 0], designed - element.joint_limit_rad)
     assert (result.joint_angles_rad >= result.joint_limits_rad[..., 0]).all()
     assert (result.joint_angles_rad <= result.joint_limits_rad[..., 1]).all()
     np.testing.assert_array_equal(result.q, result.joint_angles_rad[:, ::-1].ravel())

@@ -24,7 +24,7 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
 
     Nodes: ``world`` (glTF's axes, Y up) -> ``scan`` (the scan's axes, Z up) -> ``base``
     -> ``segment_01`` ... and ``end``, whose origins are the chain's nodes; the segments
-    share one mesh. A member more than 100 m from the scan's origin is moved to a local
+    share one mesh, unless the section tapers. A member more than 100 m from the scan's origin is moved to a local
     origin. The scene's extras hold it: a point of ``scan`` plus
     ``linear_ik.local_origin_m`` is the point in the scan's coordinates.
 
@@ -51,19 +51,23 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
     T_scan_base = pose.copy()  # noqa: N806 (T_target_source)
     T_scan_base[:3, 3] -= origin
 
-    mesh = extruded_mesh(element.profile, element.segment_length_m)
-    mesh.metadata.clear()
     colour = [round(255 * c) for c in RGBA]
-    mesh.visual = TextureVisuals(material=PBRMaterial(baseColorFactor=colour, metallicFactor=0.1, roughnessFactor=0.7))
+    material = PBRMaterial(baseColorFactor=colour, metallicFactor=0.1, roughnessFactor=0.7)
+    bodies = {}
+    for k, name in enumerate(segment_names(element.segments) if element.is_tapered else ["segment"]):
+        start, end = element.segment_profiles(k)
+        bodies[name] = extruded_mesh(start, element.segment_length_m, end)
+        bodies[name].metadata.clear()
+        bodies[name].visual = TextureVisuals(material=material)
 
     scene = trimesh.Scene(base_frame="world")
     scene.metadata["linear_ik"] = {"name": element.name, "local_origin_m": origin.tolist()}
     y_up = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)).round(12)
     scene.graph.update(frame_from="world", frame_to="scan", matrix=y_up)
     scene.graph.update(frame_from="scan", frame_to="base", matrix=T_scan_base)
-    scene.geometry["segment"] = mesh
+    scene.geometry.update(bodies)
     for name, T_base_link in _forward_kinematics(element, angles).items():
-        shape = {} if name == "end" else {"geometry": "segment"}
+        shape = {} if name == "end" else {"geometry": name if element.is_tapered else "segment"}
         scene.graph.update(frame_from="base", frame_to=name, matrix=T_base_link, **shape)
     # Without normals glTF shades each face flat, as the faces of a section are.
     return write_atomically(target, trimesh.exchange.gltf.export_glb(scene, include_normals=False))

@@ -37,6 +37,8 @@ def point_residual(pose: Pose, pairs: Correspondences, weights: Array, columns: 
 
 def segment_moments(pairs: Correspondences, weights: Array) -> tuple[Array, Array]:
     """Return M [N][6][6] and m [N][6] of each segment, in its own frame and about its start."""
+    if pairs.axial is not None:
+        return _tapered_moments(pairs, pairs.axial, weights)
     n = len(pairs.starts) - 1
     x, y, z = pairs.local.T
     nx, ny = pairs.gradient.T
@@ -52,6 +54,21 @@ def segment_moments(pairs: Correspondences, weights: Array) -> tuple[Array, Arra
         product = A[:, part] @ WA[:, part].T
         M[k][np.ix_(rows, rows)] = product[:5, :5]
         m[k, rows] = product[:5, 5]
+    return M, m
+
+
+def _tapered_moments(pairs: Correspondences, nz: Array, weights: Array) -> tuple[Array, Array]:
+    """Return the moments of faces that lean against the axis, all of a = [n, p x n]."""
+    n = len(pairs.starts) - 1
+    x, y, z = pairs.local.T
+    nx, ny = pairs.gradient.T
+    A = np.stack([nx, ny, nz, y * nz - z * ny, z * nx - x * nz, x * ny - y * nx, pairs.residual_m])
+    WA = A * weights
+    M, m = np.zeros((n, 6, 6)), np.zeros((n, 6))
+    for k in np.flatnonzero(np.diff(pairs.starts)):
+        part = slice(pairs.starts[k], pairs.starts[k + 1])
+        product = A[:, part] @ WA[:, part].T
+        M[k], m[k] = product[:6, :6], product[:6, 6]
     return M, m
 
 

@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 def end_support(element: Element, pose: Pose, weight: float) -> Objective:
     """Return the pull of the end support towards its place in the design.
 
-    roller: the end node stays on the design axis (2 equations); pinned: it stays within
+    roller: the end node stays on the design axis where that ends (2 equations); pinned: it stays within
     ``end_tolerance_m`` of the design end (3); fixed: the last segment also keeps the
     design direction, to the angle that the tolerance makes over its length (5).
     With r the violations and A their Jacobian the term is
@@ -29,15 +29,16 @@ def end_support(element: Element, pose: Pose, weight: float) -> Objective:
     Returns:
         The term over all variables [6 + 3N].
     """
-    tip = pose.nodes_m[-1] - [0.0, 0.0, element.length_m]
+    # Seen from the last segment as designed, so that Z is its direction.
+    designed = element.design.rotations[-1].T
     rows = 2 if element.end == "roller" else 3
-    A = pose.node_jacobians()[-1][:rows]
-    r = tip[:rows]
+    A = (designed @ pose.node_jacobians()[-1])[:rows]
+    r = (designed @ (pose.nodes_m[-1] - element.design.nodes_m[-1]))[:rows]
     if element.end == "fixed":
         z = pose.rotations[-1, :, 2]
         # d z = w x z: the last segment's direction turns with its angular velocity.
-        turn = np.cross(pose.J[3:].T, z).T[:2]
+        turn = (designed @ np.cross(pose.J[3:].T, z).T)[:2]
         A = np.concatenate([A, element.segment_length_m * turn])
-        r = np.concatenate([r, element.segment_length_m * z[:2]])
+        r = np.concatenate([r, element.segment_length_m * (designed @ z)[:2]])
     scale = weight / element.end_tolerance_m**2
     return Objective(scale * (A.T @ A), scale * (A.T @ r))

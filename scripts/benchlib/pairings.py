@@ -152,7 +152,7 @@ class ModelSamples(ModelCloud):
         super().__init__(problem.surface, problem.chain.segment_length_m, MODEL_POINTS, 0)
         n = problem.element.segments
         self.starts = np.searchsorted(self.segment, np.arange(n + 1))
-        straight = problem.chain.pose(problem.straight)
+        straight = problem.chain.pose(problem.designed)
         pairs = problem.matcher.match(straight, self.at(straight))
         self.edge, self.normals = np.empty_like(pairs.face), np.empty_like(pairs.gradient)
         self.edge[pairs.order], self.normals[pairs.order] = pairs.face, pairs.gradient

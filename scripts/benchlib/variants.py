@@ -114,7 +114,7 @@ class Descending:
             pair=self.pairing(problem, scan),
             term=self.term,
         )
-        found = descend(problem, problem.straight, stage, settings, make_solver("osqp"), log)
+        found = descend(problem, problem.designed, stage, settings, make_solver("osqp"), log)
         T = element.placement.T_world_element
         nodes = found.pose.nodes_m @ T[:3, :3].T + T[:3, 3]
         status = "converged" if found.converged else "max_iterations"
