@@ -179,16 +179,11 @@ class Startup:
                 return
 
     def turned(self, x: Array, k: int) -> Array:
-        """Return the variables [6 + 3N], joints from k (from 0) on turned to their points up to the first that bends.
-
-        What follows that joint goes on as designed: from there on a descent sees for itself.
-        """
+        """Return the variables [6 + 3N], joints from k (from 0) on turned one by one to what they would explain."""
         x = x.copy()
         x[BASE + 3 * k :] = self.design[BASE + 3 * k :]
         for j in range(k, self.problem.element.segments):
             x = next(self.searched(Hypothesis(x, 0.0, None, ()), j), x)
-            if np.abs((x - self.design)[BASE + 3 * j : BASE + 3 * j + 3]).max() > BENT_RAD:
-                break
         return x
 
     def shifts(self) -> Array:

@@ -125,7 +125,7 @@ def default_variants() -> list[Variant]:
     """Return the variants of the default method."""
     import qpsolvers
 
-    from linear_ik import settlement, startup
+    from linear_ik import basin, settlement, startup
 
     fitting = import_module("linear_ik.fit")
     out = [Variant("default", Changed())]
@@ -144,6 +144,7 @@ def default_variants() -> list[Variant]:
         if name != "osqp"
     ]
     out += [
+        Variant("no turns of doubtful segments", Changed(changes=[(startup.Startup, "turned", lambda self, x, k: x)])),
         Variant("search never", Changed({"search": "never"})),
         Variant("search always", Changed({"search": "always"})),
         Variant("noise given, not estimated", Changed({"range_noise_m": 1e-3})),
@@ -154,7 +155,7 @@ def default_variants() -> list[Variant]:
         Variant("no repair of wrong sides", Changed(changes=[(startup, "repair", lambda problem, x, *_: x)])),
         Variant(
             "no robust weights at the end",
-            Changed(changes=[(settlement, "ROBUST_SCALE", 1e6), (fitting, "ROBUST_SCALE", 1e6)]),
+            Changed(changes=[(settlement, "ROBUST_SCALE", 1e6), (basin, "ROBUST_SCALE", 1e6)]),
         ),
         Variant(
             "no last step on all points", Changed(changes=[(settlement, "last_step", lambda settled, *_: settled)])

@@ -1,0 +1,171 @@
+"""Conclusion: the result of a settled fit, in the scan's coordinates, and the verdict on it."""
+
+from __future__ import annotations
+
+import time
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
+from linear_ik.chain import BASE
+from linear_ik.descent import Log, known_terms
+from linear_ik.doubts import (
+    doubts,
+    plates_too_thin,
+    segments_turned_away,
+    stepped_aside,
+)
+from linear_ik.problem import Problem
+from linear_ik.result import FitResult, SegmentResult
+from linear_ik.settings import FitSettings
+from linear_ik.settlement import Settled
+from linear_ik.tapered_surface import surface_of
+from linear_ik.uncertainty import covariance, pressed_limits
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+SLID_M = 0.006
+
+
+def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+    """Return the result of a settled fit, and the verdict on it."""
+    problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
+    S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
+    off_m = pose.node_jacobians() @ settled.still
+    node_covariance += off_m[:, :, None] * off_m[:, None, :]
+    pressed = pressed_limits(problem, settled.x, settled.objective, S)
+    segments = assess_segments(problem, settled.tally, settled.foreign)
+    status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
+    if status == "not_scanned":
+        return absent(problem, reasons, settings, log, clock)
+    if settled.start_shift_m is not None:
+        status = "uncertain" if status == "converged" else status
+        reasons += ("the scan shows the start beside the place where it is held (start: free lets it move)",)
+    slide = settled.slide
+    if slide is not None and not problem.may_slide and abs(slide.shift_m) > max(SLID_M, 3.0 * slide.sd_m):
+        status = "uncertain" if status == "converged" else status
+        reasons += (
+            f"both ends of the scan lie {1e3 * slide.shift_m:+.0f} mm along the axis from where the start is held "
+            "(start: free lets it move)",
+        )
+    if settings.range_noise_m is not None and noise_m != settings.range_noise_m:
+        status = "uncertain" if status == "converged" else status
+        reasons += (
+            f"the points scatter {1e3 * noise_m:.1f} mm about the surface, "
+            f"where a range noise of {1e3 * settings.range_noise_m:g} mm was given",
+        )
+    doubted = doubts(problem.surface, settled.pairs, settled.matched, noise_m)
+    if doubted:
+        status = "uncertain" if status == "converged" else status
+        reasons += doubted
+    hidden = segments_turned_away(problem.surface, settled.pairs, settled.matched, noise_m)
+    if hidden.any():
+        status = "uncertain" if status == "converged" else status
+        reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
+    step = stepped_aside(pose)
+    if step is not None:
+        first, last, aside_m = step
+        status = "uncertain" if status == "converged" else status
+        where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
+        reasons += (f"it steps {1e3 * aside_m:.0f} mm aside at {where}: a neighbour may have been taken for it",)
+    thin = plates_too_thin(problem.surface, settled.pairs, settled.matched, noise_m)
+    if thin and problem.matcher.sights is None:
+        status = "uncertain" if status == "converged" else status
+        reasons += (
+            f"points scatter {1e3 * noise_m:.1f} mm: the two sides of the section's thin plates cannot be told apart "
+            "(a scan that names its stations can)",
+        )
+    if settled.foreign.any():
+        elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
+        reasons += (
+            f"{listed(settled.foreign)}: the points there lie on something else than the designed surface{elsewhere}",
+        )
+    if settled.misfit is not None:
+        if not settled.misfit.plausible:
+            status = "uncertain" if status == "converged" else status
+        reasons += (settled.misfit.sentence(surface_of(problem.element)),)
+    rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)
+    clock.lap("assess")
+    return in_scan_coordinates(
+        problem,
+        settled.x,
+        node_covariance,
+        settings,
+        log,
+        clock,
+        status=status,
+        reasons=reasons,
+        rmse_m=rmse_m,
+        surface_rmse_m=settled.tally.surface_rmse_m,
+        range_noise_m=noise_m,
+        segments=segments,
+    )
+
+
+def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+    """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
+    x = problem.designed
+    pose = problem.chain.pose(x)
+    _, node_covariance = covariance(problem, pose, known_terms(problem, x, pose, 1e-3), 1e-3)
+    unseen = SegmentResult("not_scanned", 0, 0.0, float("nan"))
+    return in_scan_coordinates(
+        problem,
+        x,
+        node_covariance,
+        settings,
+        log,
+        clock,
+        status="not_scanned",
+        reasons=reasons,
+        rmse_m=float("nan"),
+        surface_rmse_m=float("nan"),
+        range_noise_m=float("nan"),
+        segments=(unseen,) * pose.n_segments,
+    )
+
+
+def in_scan_coordinates(
+    problem: Problem, x: Array, node_covariance: Array, settings: FitSettings, log: Log, clock: Clock, **known: Any
+) -> FitResult:
+    """Return the result of a chain at ``x``, from the element's frame into the scan's."""
+    chain = problem.chain
+    T = problem.element.placement.T_world_element
+    R = T[:3, :3]
+    # Shared by all points, so by all nodes: a translation of the whole. No verdict depends on it.
+    shared_m2 = settings.systematic_error_m**2 * np.eye(3)
+    limits = np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)
+    return FitResult(
+        element=problem.element,
+        nodes_m=chain.pose(x).nodes_m @ R.T + T[:3, 3],
+        nodes_covariance_m2=R @ node_covariance @ R.T + shared_m2,
+        q=x[BASE:].copy(),
+        joint_angles_rad=x[BASE:].reshape(-1, 3)[:, ::-1].copy(),
+        joint_limits_rad=limits[:, ::-1].copy(),
+        base_pose=T @ chain.base_pose(x),
+        history=tuple(log.records),
+        settings=settings,
+        timings_s=clock.timings(),
+        **known,
+    )
+
+
+class Clock:
+    """Wall time of the stages of one fit."""
+
+    def __init__(self) -> None:
+        """Start now."""
+        self._started = self._lap = time.perf_counter()
+        self._laps: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        """Note the time since the last lap as that of stage ``name``."""
+        now = time.perf_counter()
+        self._laps[name] = now - self._lap
+        self._lap = now
+
+    def timings(self) -> dict[str, float]:
+        """Return seconds by stage, and their total."""
+        return {**self._laps, "total": time.perf_counter() - self._started}

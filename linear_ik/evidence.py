@@ -1,0 +1,75 @@
+"""Evidence: how much a member bends is told by its own scan, as the strength of the prior on its joints."""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import BASE
+from linear_ik.descent import (
+    Descended,
+)
+from linear_ik.problem import Problem
+from linear_ik.terms.objective import Objective
+
+Array = npt.NDArray[np.float64]
+Mask = npt.NDArray[np.bool_]
+
+EVIDENCE_ROUNDS = 12
+STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
+
+
+def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -> Array:
+    """Return the prior's deviations [6 + 3N] that make the joints from 2 on most probable.
+
+    One variance an axis, by expectation maximisation on the Gaussian model of the last
+    step: ``v_axis = mean(theta^2 + S_ii)``, theta against the design. A straight member earns a stiff prior, a
+    member with one sharp kink a loose one.
+
+    Args:
+        problem: with the prior that ``objective`` contains.
+        x: [6 + 3N] where the fit is.
+        objective: sum of all terms but the damping, at x.
+        noise_m: standard deviation of a point.
+    """
+    if problem.element.segments < 3:
+        return problem.prior_sd
+    moving = problem.variables
+    sd, now = problem.prior_sd.copy(), 1.0 / problem.prior_sd[moving] ** 2
+    information = objective.H[np.ix_(moving, moving)] / noise_m**2 - np.diag(now)
+    # Right-hand side of the normal equations of the points alone, in the departure from the design instead of dx.
+    off = (x - problem.prior_mean)[moving]
+    pull = information @ off - (objective.c[moving] / noise_m**2 - now * off)
+    axes = [np.arange(BASE + 3 + axis, len(sd), 3) for axis in range(3)]
+    rows = [(joints, np.searchsorted(moving, joints)) for joints in axes if np.isin(joints, moving).all()]
+    diagonal = np.diag_indices(len(moving))
+    for _ in range(EVIDENCE_ROUNDS if len(moving) <= 200 else 3):
+        before = sd.copy()
+        posterior = information.copy()
+        posterior[diagonal] += 1.0 / sd[moving] ** 2
+        S = np.linalg.inv(posterior)
+        second_moment = (S @ pull) ** 2 + np.diag(S)
+        for joints, at in rows:
+            sd[joints] = min(max(np.sqrt(second_moment[at].mean()), STIFFEST_RAD), LOOSEST_RAD)
+        if (np.abs(sd - before) <= 0.02 * before).all():
+            break
+    return np.asarray(sd)
+
+
+def prior_move(before: Problem, after: Problem, found: Descended, objective: Objective, noise_m: float) -> float:
+    """Return how far a change of the prior moves any node, in metres, by the linear model of the last step.
+
+    Args:
+        before: with the prior that ``objective`` contains.
+        after: with the new one.
+        found: where the fit is.
+        objective: sum of all terms but the damping, at ``found``.
+        noise_m: standard deviation of a point.
+    """
+    moving = after.variables
+    old, new = ((noise_m / p.prior_sd) ** 2 for p in (before, after))
+    pull = new * (found.x - after.prior_mean) - old * (found.x - before.prior_mean)
+    step = np.zeros(len(pull))
+    H = objective.H[np.ix_(moving, moving)] + np.diag((new - old)[moving])
+    step[moving] = -np.linalg.solve(H, pull[moving])
+    return float(np.abs(found.pose.node_jacobians() @ step).max())
