@@ -28,7 +28,7 @@ from linear_ik.result import FitResult, IterationRecord, Status
 from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
-from linear_ik.settlement import measured, settle
+from linear_ik.settlement import Settled, measured, settle
 from linear_ik.tally import nearby
 
 Array = npt.NDArray[np.float64]
@@ -38,7 +38,8 @@ ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12  # of a scan
 COARSE_POINTS_A_SEGMENT = 100
 SETTLE_POINTS_A_SEGMENT = 300
-MISPLACED = 0.3  # share of all points, from where on the stations are
+MISPLACED = 0.3  # share of all points, from where on the stations may be
+MORE = 1.1  # times as many points without stations as with them
 NEAR_M = 0.1  # after a search, only points this near to the chain are looked at again
 
 
@@ -107,14 +108,22 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     some = sample(problem, found.pose, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
-    away = turned_away(settled.problem.surface, settled.pairs, settled.matched, settled.noise_m)
-    if away.sum() > MISPLACED * (away | settled.matched).sum():
+    result = conclude(settled, settings, log, clock)
+    if problem.matcher.sights is not None and contradicted(settled):
         # Files name stations that are none: the file's own origin, say.
-        result = _fit(element, Scan(scan.points, scan.normals), settings, log, clock)
-        reason = "many points lie on faces that their stations cannot see: the stations were not used"
-        status: Status = "uncertain" if result.status == "converged" else result.status
-        return replace(result, status=status, reasons=(*result.reasons, reason))
-    return conclude(settled, settings, log, clock)
+        bare = Log(log.on_iteration, log.T_world_element)
+        other = _fit(element, Scan(scan.points, scan.normals), settings, bare, clock)
+        if sum(s.points for s in other.segments) > MORE * sum(s.points for s in result.segments):
+            reason = "more points fit where their stations could not have seen them: the stations were not used"
+            status: Status = "uncertain" if other.status == "converged" else other.status
+            return replace(other, status=status, reasons=(*other.reasons, reason))
+    return result
+
+
+def contradicted(settled: Settled) -> bool:
+    """Whether points lie on faces that their stations cannot see, or some segments on something else."""
+    away = turned_away(settled.problem.surface, settled.pairs, settled.matched, settled.noise_m)
+    return bool(away.sum() > MISPLACED * (away | settled.matched).sum() or settled.foreign.any())
 
 
 def coarseness_said(result: FitResult, scan: Scan) -> FitResult:

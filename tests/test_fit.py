@@ -137,13 +137,21 @@ def test_the_scan_comes_back_as_it_was():
 
 
 @pytest.mark.parametrize("missing", [[], ["+x", "+y"]], ids=["all faces", "half the faces"])
-def test_the_truth_normals_and_stations_change_nothing(missing):
+def test_the_truth_and_normals_change_nothing(missing):
     scan = simulate(BEAM, bends=["8:y:22.5"], missing=missing)
     flipped = scan.surface_normals * np.random.default_rng(1).choice([-1.0, 1.0], (len(scan), 1))
-    dressed = Scan(scan.points, flipped, np.array([[9.0, 9.0, 9.0]]), np.zeros(len(scan), dtype=np.int32))
     bare = linear_ik.fit(BEAM, scan.without_truth())
-    for other in (dressed, scan):
+    for other in (Scan(scan.points, flipped), scan):
         assert linear_ik.fit(BEAM, other).nodes_m.tobytes() == bare.nodes_m.tobytes()
+
+
+@pytest.mark.parametrize("missing", [[], ["+x", "+y"]], ids=["all faces", "half the faces"])
+def test_stations_that_saw_nothing_of_it_are_not_used_and_that_is_said(missing):
+    scan = simulate(BEAM, bends=["8:y:22.5"], missing=missing)
+    lie = Scan(scan.points, None, np.array([[9.0, 9.0, 9.0]]), np.zeros(len(scan), dtype=np.int32))
+    result, bare = linear_ik.fit(BEAM, lie), linear_ik.fit(BEAM, scan.without_truth())
+    assert result.nodes_m.tobytes() == bare.nodes_m.tobytes()
+    assert result.status == "uncertain" and any("stations were not used" in reason for reason in result.reasons)
 
 
 @pytest.mark.parametrize("missing", [[], ["+x", "+y"]], ids=["all faces", "half the faces"])

@@ -265,8 +265,9 @@ def test_a_taper_shows_the_slide_along_the_axis(element):
         assert 0.0002 < sd_m[0] < 0.002
         deviations.append((result.nodes_m - scan.nodes_m)[0, 2] / sd_m[0])
     assert np.sqrt(np.mean(np.square(deviations))) < 2.0
-    unseen = linear_ik.fit(straight, simulate(straight).without_truth(), linear_ik.FitSettings(search="never"))
-    assert np.sqrt(unseen.nodes_covariance_m2[0, 2, 2]) > 5 * 0.002
+    # Without the taper only the two ends of the cloud tell, and not as well.
+    prism = linear_ik.fit(straight, simulate(straight).without_truth(), linear_ik.FitSettings(search="never"))
+    assert np.sqrt(prism.nodes_covariance_m2[0, 2, 2]) > 2 * sd_m[0]
 
 
 def test_icpik_takes_a_taper_too():
