@@ -20,6 +20,7 @@ from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.result import IterationRecord
 from linear_ik.settings import FitSettings, TermWeights
+from linear_ik.side_noise import sides
 from linear_ik.terms.continuity import continuity
 from linear_ik.terms.damping import Damping, damping
 from linear_ik.terms.directional_constraint import directional_constraint
@@ -66,6 +67,7 @@ class Stage:
         first: leave out the segments before this one (from 0).
         variables: [n] the variables that move; all movable ones when None.
         ignored: [N] segments whose matches have no weight, or None.
+        trust: [8] factor on the weights of each side that a match faces, or None for 1.
         pair: finds and weighs the matches of an iteration.
         term: what the matches ask of the step.
         close_m: converged too when no match is farther apart.
@@ -81,6 +83,7 @@ class Stage:
     first: int = 0
     variables: Index | None = None
     ignored: npt.NDArray[np.bool_] | None = None
+    trust: Array | None = None
     pair: Pairing = field(default_factory=lambda: on_surface)
     term: PointTerm = point_residual
     close_m: float = 0.0
@@ -156,6 +159,8 @@ def on_surface(problem: Problem, pose: Pose, stage: Stage, i: int) -> Paired:
     scale_m = stage.scales_m[min(i, len(stage.scales_m) - 1)]
     pairs = problem.matcher.match(pose, stage.points, stage.segments, stage.first)
     weights = robust_weights(pairs.distance_m, scale_m)
+    if stage.trust is not None:
+        weights *= stage.trust[sides(pairs.gradient)]
     if stage.ignored is not None:
         weights[stage.ignored[pairs.segment]] = 0.0
     return Paired(pairs, weights, scale_m)

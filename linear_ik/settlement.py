@@ -32,6 +32,7 @@ from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
+from linear_ik.side_noise import trust_of
 from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
@@ -107,10 +108,12 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
     foreign = np.zeros(problem.element.segments, dtype=bool)
     misfit: SectionMisfit | None = None
     noise_m = noise_used(found, settings)
-    found = _descend(problem, found.x, some, noise_m, 0.2 * noise_m, foreign, settings, solver, log)
+    found = _descend(problem, found.x, some, noise_m, 0.2 * noise_m, foreign, None, settings, solver, log)
+    trust: Array | None = None
     for _ in range(MOST_ROUNDS):
-        changed = False
         noise_m = noise_used(found, settings)
+        before_trust, trust = trust, trust_of(found.pairs, found.weights, noise_m)
+        changed = (trust is None) != (before_trust is None)
         if misfit is None:
             misfit = section_misfit(designed, found.pairs, _matched(found, noise_m), noise_m)
             if misfit is not None and misfit.plausible:
@@ -132,11 +135,11 @@ def settle(problem: Problem, found: Descended, some: Array, settings: FitSetting
                 problem = problem.held()
         if not changed and found.converged and prior_move(before, problem, found, objective, noise_m) < STILL * noise_m:
             break  # the step on all points will take the new prior in
-        found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, settings, solver, log)
+        found = _descend(problem, found.x, some, noise_m, 0.1 * noise_m, foreign, trust, settings, solver, log)
         if not changed:
             break
     noise_m = noise_used(found, settings)
-    return last_step(count(problem, found, some, noise_m, foreign, misfit), settings, solver, log)
+    return last_step(count(problem, found, some, noise_m, foreign, trust, misfit), settings, solver, log)
 
 
 def noise_used(found: Descended, settings: FitSettings) -> float:
@@ -152,10 +155,11 @@ def count(
     some: Array,
     noise_m: float,
     foreign: Mask,
+    trust: Array | None,
     misfit: SectionMisfit | None,
 ) -> Settled:
     """Count all points at the pose that the sample came to rest at."""
-    counted = tally(problem, found.pose, noise_m, ROBUST_SCALE * noise_m, foreign if foreign.any() else None)
+    counted = tally(problem, found.pose, noise_m, ROBUST_SCALE * noise_m, foreign if foreign.any() else None, trust)
     others = known_terms(problem, found.x, found.pose, noise_m)
     objective = counted.objective + others
     moving, still = problem.variables, np.zeros(len(found.x))
@@ -204,7 +208,7 @@ def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settl
     stage = Stage("measure", problem.points, (ROBUST_SCALE * noise_m,))
     pairs, weights, _ = on_surface(problem, found.pose, stage, 0)
     found = Descended(found.x, found.pose, pairs, weights, found.converged)
-    return count(problem, found, problem.points, noise_m, np.zeros(problem.element.segments, dtype=bool), None)
+    return count(problem, found, problem.points, noise_m, np.zeros(problem.element.segments, dtype=bool), None, None)
 
 
 def _descend(
@@ -214,13 +218,14 @@ def _descend(
     noise_m: float,
     stop_m: float,
     foreign: Mask,
+    trust: Array | None,
     settings: FitSettings,
     solver: Solver,
     log: Log,
 ) -> Descended:
     ignored = foreign if foreign.any() else None
     scale_m = ROBUST_SCALE * noise_m
-    stage = Stage("sample", some, (scale_m,), noise_m, MOST_ITERATIONS, max(2e-5, stop_m), ignored=ignored)
+    stage = Stage("sample", some, (scale_m,), noise_m, MOST_ITERATIONS, max(2e-5, stop_m), ignored=ignored, trust=trust)
     return descend(problem, x, stage, settings, solver, log)
 
 

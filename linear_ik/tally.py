@@ -62,7 +62,9 @@ class Tally:
         return float(np.sqrt(self.squares_m2.sum() / self.matched.sum())) if self.matched.sum() else float("nan")
 
 
-def tally(problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored: Mask | None) -> Tally:
+def tally(
+    problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored: Mask | None, trust: Array | None
+) -> Tally:
     """Match every point of the problem to the chain at ``pose`` and return the sums.
 
     Args:
@@ -71,6 +73,7 @@ def tally(problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored:
         noise_m: standard deviation of a point on the surface.
         scale_m: robust scale of the weights.
         ignored: [N] segments whose points have no weight, or None.
+        trust: [8] factor on the weights of each side, or None.
     """
     n, columns = pose.n_segments, np.arange(problem.chain.nv)
     objective = Objective(np.zeros((len(columns), len(columns))), np.zeros(len(columns)))
@@ -78,7 +81,7 @@ def tally(problem: Problem, pose: Pose, noise_m: float, scale_m: float, ignored:
     weighted, cost, weight = 0, 0.0, 0.0
     touched = np.zeros((n, *cells(problem)), dtype=bool)
     for start in range(0, len(problem.points), POINTS_A_PIECE):
-        piece = Stage("full", problem.points[start : start + POINTS_A_PIECE], (scale_m,), ignored=ignored)
+        piece = Stage("full", problem.points[start : start + POINTS_A_PIECE], (scale_m,), ignored=ignored, trust=trust)
         pairs, weights, _ = on_surface(problem, pose, piece, 0)
         objective += point_residual(pose, pairs, weights, columns)
         segment = pairs.segment

@@ -72,7 +72,6 @@ CLEAN, KNEE, H_SECTION, HALF = (
 )
 WALL = Place("90° arc, wall", scene=Scene(90.0, points=4_000, clutter=0.3))
 OPEN_H = Place("60° arc, H, half missing", scene=Scene(60.0, profile="h", points=6_000, faces_missing=("+x", "+y")))
-ARC = Place("45° arc", scene=Scene(45.0, points=10_000))
 
 
 def groups(quick: bool) -> list[Group]:
@@ -83,7 +82,7 @@ def groups(quick: bool) -> list[Group]:
             "The default, one choice changed",
             default_variants(),
             (CLEAN, KNEE, H_SECTION, HALF, WALL, OPEN_H),
-            8,
+            5,
         ),
         Group(
             "pairing",
@@ -92,7 +91,7 @@ def groups(quick: bool) -> list[Group]:
             (CLEAN, KNEE, H_SECTION, HALF),
             5,
         ),
-        Group("icpik", "The paper's method, one constant changed", icpik_variants(), (CLEAN, KNEE, HALF, ARC), 5),
+        Group("icpik", "The paper's method, one constant changed", icpik_variants(), (CLEAN, HALF), 5),
     ]
     if quick:
         out = [Group(g.name, g.title, g.variants[:3], g.places[:1], 1) for g in out]
