@@ -153,7 +153,7 @@ def judge(
         )
     status: Status = "uncertain" if reasons else "converged"
     if not converged:
-        return "max_iterations", ("the iterations ran out before the fit settled", *reasons)
+        return "max_iterations", ("the fit did not come to rest within its iterations", *reasons)
     return status, tuple(reasons)
 
 

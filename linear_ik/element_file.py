@@ -249,7 +249,7 @@ def _fail(name: str, value: object, kind: str, expected: str) -> NoReturn:
 
 
 def _nearest(value: object, choices: tuple[str, ...]) -> str:
-    near = difflib.get_close_matches(str(value)[:80].lower(), choices, n=1, cutoff=0.6)
+    near = difflib.get_close_matches(str(value)[:80].lower(), choices, n=1, cutoff=0.7)
     return f"did you mean {near[0]}?" if near else "one of " + ", ".join(choices)
 
 

@@ -13,7 +13,7 @@ from threadpoolctl import ThreadpoolController
 from linear_ik.basin import plain, searched
 from linear_ik.chain import Pose
 from linear_ik.conclusion import Clock, absent, conclude
-from linear_ik.coordinates import coarse_step_m, unit_hint
+from linear_ik.coordinates import coarse_step_m, distance_hint, unit_hint
 from linear_ik.descent import Log
 from linear_ik.doubts import (
     turned_away,
@@ -81,13 +81,16 @@ def fit(
 def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     solver = make_solver(settings.solver)
     problem = Problem.of(element, scan)
+    removed: tuple[str, ...] = ()
     if settings.outlier_removal:
-        problem = problem.seeing(without_outliers(problem.points))
+        before, problem = len(problem.points), problem.seeing(without_outliers(problem.points))
+        removed = (f"{before - len(problem.points)} of {before} points near the element were removed as outliers",)
     rng, n = np.random.default_rng(settings.seed), element.segments
     clock.lap("prepare")
     if len(problem.points) < LEAST_POINTS:
-        hint = unit_hint(scan.points, element.placement.T_world_element, element.length_m)
-        reasons = (f"{ABSENT}: {len(problem.points)} points in its reach", *([hint] if hint else []))
+        T = element.placement.T_world_element
+        hint = unit_hint(scan.points, T, element.length_m) or distance_hint(scan.points, T)
+        reasons = (f"{ABSENT}: {len(problem.points)} points in its reach", hint)
         return absent(problem, reasons, settings, log, clock)
 
     if settings.method == "icpik":
@@ -109,6 +112,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
     result = conclude(settled, settings, log, clock)
+    result = replace(result, reasons=(*result.reasons, *removed))
     if problem.matcher.sights is not None and contradicted(settled):
         # Files name stations that are none: the file's own origin, say.
         bare = Log(log.on_iteration, log.T_world_element)

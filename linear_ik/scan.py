@@ -68,7 +68,9 @@ class Scan:
             raise ScanError("scan", "no point with finite coordinates", "at least one")
         farthest = max(points.max(), -points.min())
         if farthest > FARTHEST_M:
-            raise ScanError("points", f"a coordinate of {farthest:.3g} m", f"at most {FARTHEST_M:g} m")
+            raise ScanError(
+                "points", f"a coordinate of {farthest:.3g} m", f"at most {FARTHEST_M:g} m: is it in millimetres?"
+            )
         values = (points, normals, stations, index)
         for name, value in zip(("points", "normals", "stations", "station_index"), values, strict=True):
             object.__setattr__(self, name, value)

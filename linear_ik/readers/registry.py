@@ -101,7 +101,7 @@ def _reader(path: Path) -> Reader:
     suffix = path.suffix.lower()
     kind, suffixes = next((v for k, v in BEGINNINGS.items() if head.startswith(k)), ("", ()))
     if suffix not in READERS:
-        nearest = difflib.get_close_matches(suffix, READERS, n=1, cutoff=0.5)
+        nearest = difflib.get_close_matches(suffix, READERS, n=1, cutoff=0.7)
         guess = suffixes[:1] or tuple(nearest)
         expected = ", ".join(READERS) if not guess else f"{guess[0]}? one of {', '.join(READERS)}"
         raise ScanError(path, f"unknown extension {suffix!r}" if suffix else "no extension", expected)
@@ -115,7 +115,7 @@ def _reader(path: Path) -> Reader:
 def _near(path: Path) -> str:
     """Return a hint at the file that may have been meant."""
     try:
-        names = difflib.get_close_matches(path.name, os.listdir(path.parent), n=1)
+        names = difflib.get_close_matches(path.name, os.listdir(path.parent), n=1, cutoff=0.75)
     except OSError:
         names = []
     return f"{names[0]}?" if names else "an existing file"
