@@ -18,8 +18,9 @@ from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE
+from linear_ik.side_noise import MAD_TO_SD
 from linear_ik.startup import Startup
-from linear_ik.uncertainty import MAD_TO_SD, noise_of, point_noise
+from linear_ik.uncertainty import noise_of, point_noise
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

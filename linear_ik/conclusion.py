@@ -18,7 +18,7 @@ from linear_ik.doubts import (
     stepped_aside,
 )
 from linear_ik.problem import Problem
-from linear_ik.result import FitResult, SegmentResult
+from linear_ik.result import FitResult, SegmentResult, in_doubt
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
@@ -42,38 +42,38 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if status == "not_scanned":
         return absent(problem, reasons, settings, log, clock)
     if settled.start_shift_m is not None:
-        status = "uncertain" if status == "converged" else status
+        status = in_doubt(status)
         reasons += ("the scan shows the start beside the place where it is held (start: free lets it move)",)
     slide = settled.slide
     if slide is not None and not problem.may_slide and abs(slide.shift_m) > max(SLID_M, 3.0 * slide.sd_m):
-        status = "uncertain" if status == "converged" else status
+        status = in_doubt(status)
         reasons += (
             f"both ends of the scan lie {1e3 * slide.shift_m:+.0f} mm along the axis from where the start is held "
             "(start: free lets it move)",
         )
     if settings.range_noise_m is not None and noise_m != settings.range_noise_m:
-        status = "uncertain" if status == "converged" else status
+        status = in_doubt(status)
         reasons += (
             f"the points scatter {1e3 * noise_m:.1f} mm about the surface, "
             f"where a range noise of {1e3 * settings.range_noise_m:g} mm was given",
         )
     doubted = doubts(problem.surface, settled.pairs, settled.matched, noise_m)
     if doubted:
-        status = "uncertain" if status == "converged" else status
+        status = in_doubt(status)
         reasons += doubted
     hidden = segments_turned_away(problem.surface, settled.pairs, settled.matched, noise_m)
     if hidden.any():
-        status = "uncertain" if status == "converged" else status
+        status = in_doubt(status)
         reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
     step = stepped_aside(pose)
     if step is not None:
         first, last, aside_m = step
-        status = "uncertain" if status == "converged" else status
+        status = in_doubt(status)
         where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
         reasons += (f"it steps {1e3 * aside_m:.0f} mm aside at {where}: a neighbour may have been taken for it",)
     thin = plates_too_thin(problem.surface, settled.pairs, settled.matched, noise_m)
     if thin and problem.matcher.sights is None:
-        status = "uncertain" if status == "converged" else status
+        status = in_doubt(status)
         reasons += (
             f"points scatter {1e3 * noise_m:.1f} mm: the two sides of the section's thin plates cannot be told apart "
             "(a scan that names its stations can)",
@@ -85,7 +85,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         )
     if settled.misfit is not None:
         if not settled.misfit.plausible:
-            status = "uncertain" if status == "converged" else status
+            status = in_doubt(status)
         reasons += (settled.misfit.sentence(surface_of(problem.element)),)
     rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)
     clock.lap("assess")

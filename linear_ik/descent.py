@@ -131,9 +131,11 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
         previous_m2, cost_m2 = cost_m2, float(weights @ pairs.residual_m**2) / max(float(weights.sum()), 1e-300)
         lam = lam.after(cost_m2 <= previous_m2)
         objective = step_objective(problem, x, pose, pairs, weights, stage.noise_m, moving, stage.term)
+        if settings.weights.continuity or settings.weights.directional:
+            shape = shape_damping(x - problem.prior_mean, objective.mean_information(), settings.weights)
+            objective += shape.of(moving)
         dx, lam = damped_step(
-            objective
-            + shape_damping(x - problem.prior_mean, objective.mean_information(), settings.weights).of(moving),
+            objective,
             lam,
             np.maximum(lower - x[moving], -settings.max_step_rad),
             np.minimum(upper - x[moving], settings.max_step_rad),

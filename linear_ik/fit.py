@@ -24,7 +24,7 @@ from linear_ik.icpik import icpik
 from linear_ik.ik_step import make_solver
 from linear_ik.outliers import without_outliers
 from linear_ik.problem import Problem
-from linear_ik.result import FitResult, IterationRecord, Status
+from linear_ik.result import FitResult, IterationRecord, in_doubt
 from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
@@ -119,8 +119,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
         other = _fit(element, Scan(scan.points, scan.normals), settings, bare, clock)
         if sum(s.points for s in other.segments) > MORE * sum(s.points for s in result.segments):
             reason = "more points fit where their stations could not have seen them: the stations were not used"
-            status: Status = "uncertain" if other.status == "converged" else other.status
-            return replace(other, status=status, reasons=(*other.reasons, reason))
+            return replace(other, status=in_doubt(other.status), reasons=(*other.reasons, reason))
     return result
 
 
@@ -136,8 +135,7 @@ def coarseness_said(result: FitResult, scan: Scan) -> FitResult:
     if step_m is None:
         return result
     reason = f"the scan's coordinates were stored in single precision, in steps of {step_m * 1e3:.3g} mm at their size"
-    status = "uncertain" if result.status == "converged" else result.status
-    return replace(result, status=status, reasons=(*result.reasons, reason))
+    return replace(result, status=in_doubt(result.status), reasons=(*result.reasons, reason))
 
 
 def sample(problem: Problem, pose: Pose, count: int, rng: np.random.Generator) -> Array:

@@ -16,6 +16,11 @@ Status = Literal["converged", "uncertain", "max_iterations", "not_scanned"]
 SegmentStatus = Literal["measured", "inferred", "not_scanned"]
 
 
+def in_doubt(status: Status) -> Status:
+    """Return the status with a doubt raised: what had converged is uncertain, what was worse stays."""
+    return "uncertain" if status == "converged" else status
+
+
 @dataclass(frozen=True)
 class SegmentResult:
     """What the scan says of one segment.

@@ -32,11 +32,11 @@ from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
-from linear_ik.side_noise import trust_of
+from linear_ik.side_noise import MAD_TO_SD, trust_of
 from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
-from linear_ik.uncertainty import MAD_TO_SD, covariance, noise_of, point_noise
+from linear_ik.uncertainty import covariance, noise_of, point_noise
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]

@@ -15,7 +15,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 SIDES = 8
-MAD_TO_SD = 1.4826
+MAD_TO_SD = 1.4826  # median absolute deviation to standard deviation, of a normal distribution
 LEAST_POINTS = 60  # of a side that has a noise of its own; the rest share the common one
 MOST = 4.0  # factor of a weight, either way: a section that is not quite as designed has sides of its own, too
 ALIKE = 1.3  # ratio of noises within which sides are one

@@ -8,11 +8,11 @@ import numpy.typing as npt
 from linear_ik.chain import Pose
 from linear_ik.correspondence import Correspondences
 from linear_ik.problem import Problem
+from linear_ik.side_noise import MAD_TO_SD
 from linear_ik.terms.objective import Objective
 
 Array = npt.NDArray[np.float64]
 
-MAD_TO_SD = 1.4826
 SMALLEST_NOISE_M, LARGEST_NOISE_M = 2e-5, 0.010
 
 
