@@ -1,0 +1,111 @@
+"""DesignModel: the linear elements of a building as designed, and what else stands there.
+
+Made from an IFC file by `linear_ik.bim`, or by hand; the fit of a whole model needs nothing else.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.element import Element
+
+Array = npt.NDArray[np.float64]
+Triangles = npt.NDArray[np.int64]
+
+
+@dataclass(frozen=True)
+class Member:
+    """A linear element of the model.
+
+    Attributes:
+        guid: IFC's GlobalId; names its files.
+        ifc_class: such as IfcBeam.
+        name: IFC's Name; may be empty.
+        tag: the mark that drawings use (IFC's Tag, else the Name); may be empty.
+        profile_name: such as HEB340; may be empty.
+        element: the design in the model's coordinates, metres.
+    """
+
+    guid: str
+    ifc_class: str
+    name: str
+    tag: str
+    profile_name: str
+    element: Element
+
+
+@dataclass(frozen=True)
+class LeftOut:
+    """A product of a linear class that is not fitted.
+
+    Attributes:
+        guid: IFC's GlobalId.
+        ifc_class: such as IfcBeam.
+        name: IFC's Name; may be empty.
+        reason: a plain sentence.
+    """
+
+    guid: str
+    ifc_class: str
+    name: str
+    reason: str
+
+
+@dataclass(frozen=True, eq=False)
+class Obstacle:
+    """Another body of the design: its points are not a member's.
+
+    Plates, bolts, fittings, slabs, walls, and the members that were left out.
+
+    Attributes:
+        guid: IFC's GlobalId.
+        ifc_class: such as IfcPlate.
+        vertices_m: [V][3] in the model's coordinates.
+        triangles: [T][3] rows of ``vertices_m``.
+    """
+
+    guid: str
+    ifc_class: str
+    vertices_m: Array
+    triangles: Triangles
+
+
+@dataclass(frozen=True, eq=False)
+class MapConversion:
+    """From the model's coordinates to a map's (IfcMapConversion).
+
+    Attributes:
+        T_map_model: [4][4], metres to metres, the map unit and the scale included.
+        crs: name of the coordinate reference system, such as EPSG:25832; may be empty.
+    """
+
+    T_map_model: Array
+    crs: str
+
+
+@dataclass(frozen=True, eq=False)
+class DesignModel:
+    """What a design file says of linear elements. Metres, the model's own coordinates.
+
+    Attributes:
+        source: the file's name, for messages.
+        schema: as the file says it, such as IFC2X3.
+        length_unit_m: one of the file's length units, in metres.
+        members: what is to be fitted, in the file's order.
+        left_out: products of a linear class that are not, each with its reason.
+        obstacles: the other bodies.
+        map_conversion: None where the file has none.
+        true_north: direction of north in the model's plane (x, y), unit length; None where not stated.
+    """
+
+    source: str
+    schema: str
+    length_unit_m: float
+    members: tuple[Member, ...]
+    left_out: tuple[LeftOut, ...] = ()
+    obstacles: tuple[Obstacle, ...] = ()
+    map_conversion: MapConversion | None = None
+    true_north: tuple[float, float] | None = None
