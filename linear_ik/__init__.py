@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from linear_ik.bending import Bend
     from linear_ik.chain import Chain
+    from linear_ik.deviation import Deviations, deviations
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
@@ -48,6 +49,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "bending": ("Bend",),
     "chain": ("Chain",),
+    "deviation": ("Deviations", "deviations"),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
@@ -84,6 +86,7 @@ __all__ = [
     "Chain",
     "Circle",
     "CircleHollow",
+    "Deviations",
     "Element",
     "FitResult",
     "FitSettings",
@@ -104,6 +107,7 @@ __all__ = [
     "UShape",
     "Viewer",
     "__version__",
+    "deviations",
     "element_from_mapping",
     "element_to_mapping",
     "fit",
