@@ -19,7 +19,7 @@ from typing import Any, Literal, get_args
 import numpy as np
 
 from linear_ik.deviation import Deviations, Figure, deviations
-from linear_ik.errors import SettingsError
+from linear_ik.errors import SettingsError, ToleranceError
 from linear_ik.result import FitResult
 from linear_ik.tolerances.clause import ANGLES, Clause, Profile
 from linear_ik.tolerances.formula import Quantity
@@ -101,7 +101,6 @@ def verdicts(result: FitResult, profile: Profile, conditions: Conditions | None 
     """Return the verdict on each clause of a profile.
 
     Raises:
-        ToleranceError: a formula that cannot be evaluated for this member.
         LinearIkError: the member's ends coincide.
     """
     known = conditions or Conditions()
@@ -125,8 +124,16 @@ def _verdict(
     result: FitResult, found: Deviations | None, profile: Profile, clause: Clause, known: Conditions
 ) -> Verdict:
     figure = None if found is None else _figure(found, clause.figure)
-    limits = None if clause.limit is None else clause.limits(_names(result))
-    outcome, reason = _outcome(result, found, figure, clause, limits, known)
+    limits: tuple[float, float] | None = None
+    outcome: Outcome = "inconclusive"
+    reason = ""
+    try:
+        limits = None if clause.limit is None else clause.limits(_names(result))
+    except ToleranceError as error:
+        # It was evaluated for another member when it was read: this one has no height, say.
+        reason = f"the limit cannot be evaluated for this member: {error.what}"
+    if not reason:
+        outcome, reason = _outcome(result, found, figure, clause, limits, known)
     return Verdict(
         profile=profile.name,
         standard=profile.title,
