@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.report.cloud import NearPoints, T_world_segments
+from linear_ik.report.cloud import NearPoints
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
@@ -18,14 +18,17 @@ MOST_CORNERS = 24
 STEPS = 32_000  # of a 16-bit coordinate, over the larger half of the view
 
 
-def body_data(result: FitResult, near: NearPoints | None, most_points: int, largest_m: float) -> dict[str, Any]:
+def body_data(
+    result: FitResult, frames: Array | None, near: NearPoints | None, most_points: int, largest_m: float
+) -> dict[str, Any]:
     """Return what the 3D view draws, as JSON's own types.
 
-    Coordinates are the scan's axes in 0.01 mm about a local origin. ``before`` and ``after`` are
+    Metres along the scan's axes, about a local origin. ``before`` and ``after`` are
     rings [R][3 + 6]: node, then section X and Y; ``start`` and ``end`` the outlines [V][2].
 
     Args:
         result: of a fit.
+        frames: [N][4][4] of its segments; None where it was not found.
         near: the scan's points, or None.
         most_points: how many of them are shown.
         largest_m: distance to the fitted surface at the upper end of the colours.
@@ -39,8 +42,8 @@ def body_data(result: FitResult, near: NearPoints | None, most_points: int, larg
         "start": _corners(element.profile.outline()),
         "end": _corners(element.profile_at(1.0).outline()),
     }
-    if result.status != "not_scanned":
-        out["after"] = _rings(result.nodes_m - origin, T_world_segments(result)[:, :3, :3])[keep].tolist()
+    if frames is not None:
+        out["after"] = _rings(result.nodes_m - origin, frames[:, :3, :3])[keep].tolist()
     if near is not None and len(near.points):
         rows = np.arange(len(near.points))
         if len(rows) > most_points:

@@ -16,7 +16,6 @@ Index = npt.NDArray[np.intp]
 
 NEAR_M = 0.05  # from the fitted surface; what lies farther off is another body
 MOST_POINTS = 40_000  # of a member, before anything is computed
-POINTS_A_PIECE = 4_000_000  # distances to all segments at once
 
 
 @dataclass(frozen=True, eq=False)
@@ -45,14 +44,20 @@ class Cloud:
         """Sort the points [P][3] along x."""
         self._points = points[np.argsort(points[:, 0])]
 
-    def near(self, result: FitResult, seed: int = 0) -> NearPoints:
-        """Return the points within 50 mm of a fitted member, a random choice where there are many."""
+    def near(self, result: FitResult, frames: Array, seed: int = 0) -> NearPoints:
+        """Return the points within 50 mm of a fitted member, a random choice where there are many.
+
+        Args:
+            result: of the fit.
+            frames: [N][4][4] of its segments, `T_world_segments`.
+            seed: of the choice.
+        """
         nodes, reach = result.nodes_m, surface_of(result.element).reach_m + NEAR_M
         low, high = nodes.min(axis=0) - reach, nodes.max(axis=0) + reach
         first, last = np.searchsorted(self._points[:, 0], [low[0], high[0]])
         box = self._points[first:last]
         box = box[((box[:, 1:] >= low[1:]) & (box[:, 1:] <= high[1:])).all(axis=1)]
-        near = _beside(result, box)
+        near = _beside(result, frames, box)
         rows = np.flatnonzero(near.distance_m <= NEAR_M)
         if len(rows) > MOST_POINTS:
             rows = np.sort(np.random.default_rng(seed).choice(rows, MOST_POINTS, replace=False))
@@ -64,9 +69,9 @@ def T_world_segments(result: FitResult) -> Array:  # noqa: N802 (T_target_source
     return np.asarray(result.base_pose @ Chain.of(result.element).segment_poses(result.q))
 
 
-def _beside(result: FitResult, points: Array) -> NearPoints:
+def _beside(result: FitResult, T: Array, points: Array) -> NearPoints:
     """Return where points lie; those past the ends, or far beside, are infinitely far."""
-    T, step_m, n = T_world_segments(result), result.element.segment_length_m, result.element.segments
+    step_m, n = result.element.segment_length_m, result.element.segments
     surface = surface_of(result.element)
     reach = surface.reach_m + NEAR_M
     segment, xy = np.zeros(len(points), dtype=np.intp), np.zeros((len(points), 2))

@@ -124,7 +124,7 @@ def judged_member(
             found = deviations(result)
         except LinearIkError:
             pass  # its ends coincide: there is no chord to measure from, and the page says so
-    judged = verdicts(result, profile, conditions) if profile is not None and (found or _absent(result)) else ()
+    judged = verdicts(result, profile, conditions, found) if profile is not None and (found or _absent(result)) else ()
     return ReportedMember(
         key=key or element.name,
         name=row.get("name") or element.name,
@@ -134,7 +134,7 @@ def judged_member(
         result=result,
         versions=versions or {},
         deviations=found,
-        accuracy=None if found is None else level_of_accuracy(result),
+        accuracy=None if found is None else level_of_accuracy(result, found),
         verdicts=judged,
         outcome=overall(judged) if judged else "",
     )

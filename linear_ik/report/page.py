@@ -28,7 +28,8 @@ FOLDER = Path(__file__).resolve().parent.parent / "data" / "report"
 # Bytes of all scan points of a page, by what one takes there, and how many a member gets at most and least.
 POINT_BYTES, POINTS_BUDGET_BYTES, MOST_POINTS, LEAST_POINTS = 12, 3_000_000, 6000, 200
 SECTION_POINTS = 350
-SECTION_SHARES = (0.25, 0.75)  # of the length, besides where the bow is
+SECTION_SHARES = (0.25, 0.5, 0.75)  # of the length, less those near where the bow is
+APART = 0.1
 THICKNESS_M = 0.05  # of the slice whose points a section shows, each way
 LEAST_LARGEST_M = 0.003  # of the colours
 
@@ -114,7 +115,8 @@ def _counts(run: Run) -> list[tuple[str, int]]:
 def _page(member: ReportedMember, number: int, cloud: Cloud | None, most_points: int) -> dict[str, Any]:
     """Return what the template says of a member."""
     result, found = member.result, member.deviations
-    near = cloud.near(result) if cloud is not None and found is not None else None
+    frames = None if result.status == "not_scanned" else T_world_segments(result)
+    near = None if cloud is None or frames is None else cloud.near(result, frames)
     noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
     largest_m = max(LEAST_LARGEST_M, float(round(3 * noise_m, 3)))
     accuracy = member.accuracy
@@ -128,10 +130,10 @@ def _page(member: ReportedMember, number: int, cloud: Cloud | None, most_points:
         "seen": seen(result),
         "strip": strip(result.segments),
         "plots": [] if found is None else _plots(member, found),
-        "sections": [] if found is None else _sections(member, found, near, largest_m),
+        "sections": [] if found is None or frames is None else _sections(member, found, frames, near, largest_m),
         "near": None if near is None else len(near.points),
         "largest_mm": f"{1e3 * largest_m:g}",
-        "body": body_data(result, near, most_points, largest_m),
+        "body": body_data(result, frames, near, most_points, largest_m),
         "accuracy": None
         if accuracy is None
         else {
@@ -160,14 +162,15 @@ def _plots(member: ReportedMember, found: Deviations) -> list[dict[str, Any]]:
 
 
 def _sections(
-    member: ReportedMember, found: Deviations, near: NearPoints | None, largest_m: float
+    member: ReportedMember, found: Deviations, frames: Array, near: NearPoints | None, largest_m: float
 ) -> list[dict[str, Any]]:
-    """Return sections at a quarter, three quarters and where the bow is."""
+    """Return sections at the quarters and where the bow is."""
     result, element = member.result, member.result.element
-    frames, step_m, out = T_world_segments(result), element.segment_length_m, []
+    step_m, out = element.segment_length_m, []
     T, R_design = element.placement.T_world_element, element.design.rotations
     designed_nodes = element.design.nodes_m @ T[:3, :3].T + T[:3, 3]
-    for share in sorted({*SECTION_SHARES, (found.bow_m.node or 0) / element.segments}):
+    bow = 0.5 if found.bow_m.node is None else found.bow_m.node / element.segments
+    for share in sorted([bow, *(s for s in SECTION_SHARES if abs(s - bow) > APART)]):
         k = min(int(share * element.segments), element.segments - 1)
         z_m = min(max(share * element.length_m - k * step_m, 0.0), step_m)
         frame, profile = frames[k], element.profile_at(share)

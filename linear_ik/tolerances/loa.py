@@ -4,10 +4,11 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import cache
 
 import numpy as np
 
-from linear_ik.deviation import deviations
+from linear_ik.deviation import Deviations, deviations
 from linear_ik.deviation_bands import BAND_95
 from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
@@ -37,13 +38,17 @@ class Accuracy:
     standard: str
 
 
-def level_of_accuracy(result: FitResult) -> Accuracy:
+def level_of_accuracy(result: FitResult, found: Deviations | None = None) -> Accuracy:
     """Return the level of accuracy of a result of an element that was found.
+
+    Args:
+        result: of a fit.
+        found: its deviations, where the caller has them already.
 
     Raises:
         LinearIkError: the element was not found.
     """
-    measured_m = float(np.max(deviations(result).departure_m.band))
+    measured_m = float(np.max((found or deviations(result)).departure_m.band))
     represented_m = BAND_95 * result.surface_rmse_m
     standard, classes = _classes()
     worse = max(measured_m, represented_m) if math.isfinite(measured_m + represented_m) else math.inf
@@ -51,6 +56,7 @@ def level_of_accuracy(result: FitResult) -> Accuracy:
     return Accuracy(level if worse > 0 else None, measured_m, represented_m, standard)
 
 
+@cache
 def _classes() -> tuple[str, list[tuple[str, float, float]]]:
     top = checked("file", read_mapping(FILE), TOP, TOP)
     rows = []
@@ -60,4 +66,4 @@ def _classes() -> tuple[str, list[tuple[str, float, float]]]:
         rows.append((said(f"classes[{i}].name", data["name"]), over, to))
     if not rows:
         raise ToleranceError(FILE, "no classes", "at least one")
-    return f"{said('title', top['title'])}, {said('edition', top['edition'])}", rows
+    return f"{said('title', top['title'])}, edition: {said('edition', top['edition'])}", rows

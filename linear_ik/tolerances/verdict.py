@@ -97,14 +97,25 @@ class Verdict:
     note: str
 
 
-def verdicts(result: FitResult, profile: Profile, conditions: Conditions | None = None) -> tuple[Verdict, ...]:
+def verdicts(
+    result: FitResult, profile: Profile, conditions: Conditions | None = None, found: Deviations | None = None
+) -> tuple[Verdict, ...]:
     """Return the verdict on each clause of a profile.
+
+    Args:
+        result: of a fit.
+        profile: the tolerances.
+        conditions: what only the person knows.
+        found: the result's deviations without a precamber, where the caller has them already.
 
     Raises:
         LinearIkError: the member's ends coincide.
     """
     known = conditions or Conditions()
-    found = None if result.status == "not_scanned" else deviations(result, precamber_m=known.precamber_m or 0.0)
+    if result.status == "not_scanned":
+        found = None
+    elif found is None or known.precamber_m:
+        found = deviations(result, precamber_m=known.precamber_m or 0.0)
     return tuple(_verdict(result, found, profile, clause, known) for clause in profile.clauses)
 
 
