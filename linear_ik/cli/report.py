@@ -24,7 +24,7 @@ EXAMPLE = """Example: one element with its scan; a run of many, judged by AISC 3
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Write a report of results as one HTML file that needs no network."
+    about = "Write results as one HTML page, to read offline and to sign."
     app.command("report", cls=Verb, help=about, epilog=EXAMPLE)(report)
 
 

@@ -195,6 +195,7 @@ def _sections(
             {
                 "title": f"section at {share * element.length_m:.2f} m",
                 "status": result.segments[k].status,
+                "points": None if near is None else len(xy),
                 "moved": [with_band(moved[i], band[i], "mm", 1e3) for i in (0, 1)],
                 "svg": section_plot(outline, designed, xy, distance, largest_m),
             }

@@ -51,11 +51,14 @@
       view(article.dataset.number).draw();
     }
   }
+  document.querySelectorAll(".print").forEach(button => button.addEventListener("click", () => print()));
   addEventListener("hashchange", route);
   addEventListener("resize", () => views.forEach(one => one.draw()));
-  addEventListener("beforeprint", () => articles.forEach(article => {
-    if (!root.classList.contains("at-element") || article.classList.contains("open")) view(article.dataset.number).draw();
-  }));
+  addEventListener("beforeprint", () => {
+    const alone = root.classList.contains("at-element");
+    articles.forEach(article => (!alone || article.classList.contains("open")) && view(article.dataset.number).draw());
+    document.querySelectorAll("#run details, article.open details").forEach(folded => { folded.open = true; });
+  });
 
   // 3D --------------------------------------------------------------------------------------
   function bytes(text) {
