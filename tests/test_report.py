@@ -57,7 +57,9 @@ def write_run(folder: Path, count: int = 4) -> Path:
         writer = csv.DictWriter(file, rows[0])
         writer.writeheader()
         writer.writerows(rows)
-    (folder / "run.json").write_text(json.dumps({"design": "site.ifc", "settings": {"seed": 0}, "scan": ["a", "b"]}))
+    about = {"design": "site.ifc", "settings": {"seed": 0}, "scan": ["a", "b"], "T_model_scan": np.eye(4).tolist()}
+    left_out = [{"guid": "rail", "ifc_class": "IfcRailing", "name": "Rail", "reason": "no straight axis"}]
+    (folder / "run.json").write_text(json.dumps({**about, "left_out": left_out}))
     return folder
 
 
@@ -74,7 +76,7 @@ def test_a_run_is_its_results_and_what_its_table_says(tmp_path: Path) -> None:
     run = read_run(write_run(tmp_path), load_tolerances("aisc303"), None, lambda i, n: seen.append((i, n)))
     assert [m.tag for m in run.members] == ["C-0", "C-1", "C-2", "C-3"] and seen[-1] == (4, 4)
     assert [m.outcome for m in run.members] == ["pass", "pass", "inconclusive", "inconclusive"]
-    assert [row["name"] for row in run.unfitted] == ["Plate"]
+    assert [row["name"] for row in run.unfitted] == ["Plate", "Rail"] and run.T_results_scan is None
     assert run.about == {"design": "site.ifc", "settings.seed": "0", "scan": "a, b"}
     assert run.members[0].versions["python"] and run.members[0].profile == "HEB 200"
 
@@ -95,6 +97,8 @@ def test_a_result_alone_and_a_folder_of_results(tmp_path: Path) -> None:
         ("elements.csv", "name,tag\nx,y\n", "no column guid"),
         ("elements.csv", b"\xff\xfeguid", "cannot be read"),
         ("run.json", "[", "cannot be read"),
+        ("run.json", "[]", "no set of keys"),
+        ("run.json", '{"T_model_scan": [1, 2]}', "4 x 4"),
     ],
 )
 def test_wrong_files_are_named(tmp_path: Path, name: str, content: str | bytes, says: str) -> None:
@@ -148,7 +152,17 @@ def test_the_page_says_what_matters(tmp_path: Path) -> None:
     page = rendered(write_run(tmp_path))
     text = re.sub(r"<[^>]+>", " ", page)
     for what in (
-        *("7.13.1.1", "AISC 303-16", "verified by linear_ik", "self weight", "not stated", "LOA", "Plate", "left out"),
+        *(
+            "7.13.1.1",
+            "AISC 303-16",
+            "verified by linear_ik",
+            "self weight",
+            "not stated",
+            "LOA",
+            "Plate",
+            "left out",
+            "no straight axis",
+        ),
         *("site.ifc", "version of numpy", "2026-01-02 03:04 UTC", "the element is not in the scan"),
     ):
         assert what in text, what
@@ -225,6 +239,17 @@ def test_points_near_a_member_and_no_others() -> None:
     start = result.nodes_m[:-1][near.segment]
     along = np.einsum("ij,ij->i", near.points - start, (result.nodes_m[1:] - result.nodes_m[:-1])[near.segment]) / 0.25
     np.testing.assert_allclose(np.clip(along, 0, 1), at - near.segment, atol=1e-6)
+
+
+def test_a_scan_in_other_coordinates_is_moved_to_the_results(tmp_path: Path) -> None:
+    folder = write_run(tmp_path, 2)
+    T = np.eye(4)
+    T[:3, 3] = (100.0, -50.0, 3.0)
+    (folder / "run.json").write_text(json.dumps({"T_model_scan": T.tolist()}))
+    found = linear_ik.read_result(folder / "elements" / "0AbC$d_00.json")
+    points = simulate(found.element, joint_angles_rad=found.joint_angles_rad, points=1000).points
+    assert "1,000 scan points" in rendered(folder, Scan(points - T[:3, 3]))
+    assert "0 scan points" in rendered(folder, Scan(points))
 
 
 def test_sections_show_the_points_of_their_slice() -> None:

@@ -10,13 +10,19 @@ from dataclasses import dataclass, field
 from pathlib import Path
 from typing import Any
 
+import numpy as np
+import numpy.typing as npt
+
 from linear_ik.deviation import Deviations, deviations
 from linear_ik.errors import LinearIkError
 from linear_ik.exports.result_json import EXPECTED, ResultError, result_from_mapping
 from linear_ik.result import FitResult
 from linear_ik.tolerances import Accuracy, Conditions, Profile, Verdict, level_of_accuracy, overall, verdicts
 
+Array = npt.NDArray[np.float64]
+
 ELEMENTS, TABLE, RUN = "elements", "elements.csv", "run.json"
+RUN_EXPECTED = "the JSON that linear-ik fit wrote"
 
 
 @dataclass(frozen=True, eq=False)
@@ -57,14 +63,16 @@ class Run:
     Attributes:
         title: of the page.
         members: one page each.
-        unfitted: rows of the run's table without a result: their columns.
+        unfitted: elements without a result, by column: rows of the run's table, and what the run left out.
         about: what the run says of itself, by name.
+        T_results_scan: [4][4] from the scan's coordinates to the results', or None where they are the same.
     """
 
     title: str
     members: tuple[ReportedMember, ...]
     unfitted: tuple[dict[str, str], ...] = ()
     about: dict[str, str] = field(default_factory=dict)
+    T_results_scan: Array | None = None
 
 
 def read_run(
@@ -88,6 +96,7 @@ def read_run(
     source = Path(path)
     files = _results(source)
     rows = _table(source / TABLE) if source.is_dir() else {}
+    said = _said(source / RUN) if source.is_dir() else {}
     members = []
     for i, file in enumerate(files):
         result, versions = _read(file)
@@ -96,7 +105,10 @@ def read_run(
         if on_member is not None:
             on_member(i + 1, len(files))
     title = members[0].name if len(members) == 1 and not source.is_dir() else source.resolve().name
-    return Run(title, tuple(members), tuple(rows.values()), _about(source / RUN) if source.is_dir() else {})
+    left_out = said.pop("left_out", None)
+    T = said.pop("T_model_scan", None)
+    unfitted = [*rows.values(), *(dict(_flat("", row)) for row in left_out or () if isinstance(row, dict))]
+    return Run(title, tuple(members), tuple(unfitted), dict(_flat("", said)), _transform(source / RUN, T))
 
 
 def judged_member(
@@ -183,17 +195,33 @@ def _table(path: Path) -> dict[str, dict[str, str]]:
     return {row["guid"]: row for row in rows}
 
 
-def _about(path: Path) -> dict[str, str]:
-    """Return what a run says of itself, nested names joined by dots."""
+def _said(path: Path) -> dict[str, Any]:
+    """Return what a run says of itself; nothing where there is no such file."""
     if not path.is_file():
         return {}
     try:
-        return dict(_flat("", json.loads(path.read_text(encoding="utf-8"))))
+        said = json.loads(path.read_text(encoding="utf-8"))
     except (OSError, ValueError, RecursionError) as error:
-        raise ResultError(path, f"cannot be read: {error}", "the JSON that linear-ik fit wrote") from None
+        raise ResultError(path, f"cannot be read: {error}", RUN_EXPECTED) from None
+    if not isinstance(said, dict):
+        raise ResultError(path, "no set of keys", RUN_EXPECTED)
+    return said
+
+
+def _transform(path: Path, value: object) -> Array | None:
+    if value is None:
+        return None
+    try:
+        T = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        T = np.empty(0)
+    if T.shape != (4, 4) or not np.isfinite(T).all():
+        raise ResultError(path, "T_model_scan is no 4 x 4 numbers", RUN_EXPECTED)
+    return None if (T == np.eye(4)).all() else T
 
 
 def _flat(name: str, value: Any) -> Iterator[tuple[str, str]]:
+    """Yield names and values as text, nested names joined by dots."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _flat(f"{name}.{key}" if name else str(key), inner)

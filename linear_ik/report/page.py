@@ -77,7 +77,7 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    cloud = None if scan is None else Cloud(scan.points)
+    cloud = None if scan is None else Cloud(_moved(scan.points, run.T_results_scan))
     most = max(LEAST_POINTS, min(MOST_POINTS, POINTS_BUDGET_BYTES // POINT_BYTES // max(len(run.members), 1)))
     pages = []
     for i, member in enumerate(run.members):
@@ -89,11 +89,16 @@ def render(
         pages=pages,
         counts=_counts(run),
         judged=any(m.verdicts for m in run.members),
-        unfitted_columns=list(run.unfitted[0]) if run.unfitted else [],
+        # Columns of figures are empty for what was not fitted.
+        unfitted_columns=list(dict.fromkeys(k for row in run.unfitted for k, v in row.items() if v)),
         made=(made or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M %Z"),
         style=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
         script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
     )
+
+
+def _moved(points: Array, T: Array | None) -> Array:
+    return points if T is None else np.asarray(points @ T[:3, :3].T + T[:3, 3])
 
 
 def _counts(run: Run) -> list[tuple[str, int]]:
