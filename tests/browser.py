@@ -20,8 +20,9 @@ CHROMIUM = next(
     (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
 )
 SWITCHES = (
-    "--headless --no-sandbox --disable-gpu --disable-background-networking --no-first-run --disable-sync "
-    "--disable-component-update --disable-quic --hide-scrollbars --remote-debugging-port=0"
+    "--headless --no-sandbox --disable-gpu --use-gl=angle --use-angle=swiftshader --enable-unsafe-swiftshader "
+    "--disable-background-networking --no-first-run --disable-sync --disable-component-update --disable-quic "
+    "--hide-scrollbars --remote-debugging-port=0"
 ).split()
 
 

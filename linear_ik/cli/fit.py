@@ -59,6 +59,10 @@ def fit(
         Path | None,
         file_option("--glb", metavar="OUT.glb", about="Also the bent body, for 3D viewers."),
     ] = None,
+    record: Annotated[
+        Path | None,
+        file_option("--record", metavar="PAGE.html", about="Also one page that plays the iterations back."),
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Watch the fit in a browser.")] = False,
     wait: Annotated[
         bool, typer.Option("--wait/--no-wait", help="With --view: stay until Enter or Ctrl-C, or end at once.")
@@ -96,6 +100,8 @@ def fit(
 
         check_output(joints_path(urdf), inputs, [output, urdf, *([glb] if glb else [])])
     glb_target = check_output(glb, inputs, [output, *([urdf] if urdf else [])]) if glb else None
+    others = [output, *(path for path in (urdf, glb) if path is not None)]
+    record_target = check_output(record, inputs, others) if record else None
 
     from linear_ik.errors import SettingsError
     from linear_ik.settings import FitSettings
@@ -141,8 +147,17 @@ def fit(
         text = result_to_json(result, extra) if to_stdout else ""
         if not to_stdout:
             write_result(result, target, extra)
+    if record_target is not None:
+        with progress.stage(f"recording {record}"):
+            from linear_ik.viewer import Viewer
+
+            recorded = Viewer(design.name)
+            recorded.show_result(result, points)
+            recorded.static_html(record_target)
     if not quiet:
-        _summarise(result, judged, [path for path in (output, urdf, glb) if path is not None and not is_stdout(path)])
+        bodies = [] if result.status == "not_scanned" else [urdf, glb]
+        written = [path for path in (output, *bodies, record) if path is not None and not is_stdout(path)]
+        _summarise(result, judged, written)
     if viewer is not None:
         from linear_ik.cli.view import stay
 
@@ -194,10 +209,6 @@ def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None) -> Non
 def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path]) -> None:
     from linear_ik.cli.summary import describe
 
-    written = [str(path) for i, path in enumerate(files) if i == 0 or result.status != "not_scanned"]
-    for line in [
-        *describe(result),
-        *describe_verdicts(judged),
-        *([f"{'written':<11}{', '.join(written)}"] if written else []),
-    ]:
+    last = [f"{'written':<11}{', '.join(str(path) for path in files)}"] if files else []
+    for line in [*describe(result), *describe_verdicts(judged), *last]:
         print(line, file=sys.stderr)
