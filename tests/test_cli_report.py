@@ -86,6 +86,20 @@ def test_fit_says_where_no_clause_applies(folder, here, capfd):
     assert "no clause of own applies" in capfd.readouterr().err
 
 
+def test_report_with_conditions_of_each(folder, here, capsys):
+    (here / "c.yaml").write_text("elements: {beam: {loading_state: unloaded}}")
+    command = ["report", f"{folder}/result.json", "--conditions", "c.yaml", "-o", "r.html", "--section", "1.1"]
+    assert main([*command, "--tolerances", "nsss"]) == 0
+    assert "1 fail" in capsys.readouterr().err and "section at 1.10 m" in (here / "r.html").read_text()
+    (here / "r.html").unlink()
+    assert main(command) == 2
+    (here / "c.yaml").write_text("elements: {column: {}}")
+    assert main([*command, "--tolerances", "nsss"]) == 2
+    err = capsys.readouterr().err.splitlines()
+    assert "--conditions: given without tolerances" in err[0] and "no element 'column'" in err[1]
+    assert not (here / "r.html").exists()
+
+
 def test_tolerances_can_be_listed_and_copied(folder, here, capsys):
     assert main(["tolerances"]) == 0
     out = capsys.readouterr().out

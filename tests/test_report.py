@@ -20,6 +20,7 @@ from posed import BEAM, COLUMN, H, bent, posed
 
 import linear_ik
 from linear_ik.element import Element, Placement
+from linear_ik.errors import ToleranceError
 from linear_ik.exports.result_json import ResultError, write_result
 from linear_ik.profile import CircleHollow, IShape
 from linear_ik.report import Run, judged_member, read_run, render, write_report
@@ -29,7 +30,7 @@ from linear_ik.report.words import figure_rows, seen, with_band
 from linear_ik.result import FitResult, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.simulate import simulate
-from linear_ik.tolerances import Conditions, load_tolerances
+from linear_ik.tolerances import Conditions, ConditionsOfEach, load_tolerances
 
 NASTY = "<script>alert(1)</script> \"'&"
 
@@ -200,7 +201,7 @@ def test_names_are_escaped_and_nothing_is_fetched(tmp_path: Path) -> None:
 def test_a_report_is_written_whole(tmp_path: Path) -> None:
     steps: list[int] = []
     run = read_run(write_run(tmp_path, 2))
-    path = write_report(run, tmp_path / "new" / "r.html", None, lambda i, n: steps.append(i))
+    path = write_report(run, tmp_path / "new" / "r.html", None, (), lambda i, n: steps.append(i))
     assert path.read_text(encoding="utf-8").rstrip().endswith("</html>") and steps == [1, 2]
 
 
@@ -250,6 +251,22 @@ def test_a_scan_in_other_coordinates_is_moved_to_the_results(tmp_path: Path) -> 
     points = simulate(found.element, joint_angles_rad=found.joint_angles_rad, points=1000).points
     assert "1,000 scan points" in rendered(folder, Scan(points - T[:3, 3]))
     assert "0 scan points" in rendered(folder, Scan(points))
+
+
+def test_sections_are_where_they_are_asked_for() -> None:
+    member = judged_member(leaning(0.002))
+    for asked, shown in (((0.4, 2.9, 7.0), ["0.40", "2.90"]), ((9.0,), ["0.75", "1.50", "2.25"])):
+        page = render(Run("r", (member,)), None, asked)
+        assert re.findall(r"section at ([\d.]+) m", page) == shown
+
+
+def test_conditions_of_each(tmp_path: Path) -> None:
+    folder, nsss = write_run(tmp_path, 3), load_tolerances("nsss")
+    each = {"C-0": Conditions("unloaded"), "0AbC$d_01": Conditions("loaded")}
+    run = read_run(folder, nsss, ConditionsOfEach(Conditions("self_weight"), each))
+    assert [m.verdicts[0].loading_state for m in run.members] == ["unloaded", "loaded", "self_weight"]
+    with pytest.raises(ToleranceError, match="no element 'C-9'"):
+        read_run(folder, nsss, ConditionsOfEach(named={"C-9": Conditions()}))
 
 
 def test_sections_show_the_points_of_their_slice() -> None:

@@ -20,6 +20,7 @@ from linear_ik.tolerances import (
     Conditions,
     Verdict,
     level_of_accuracy,
+    load_conditions,
     load_tolerances,
     overall,
     shipped,
@@ -230,6 +231,36 @@ def test_the_worst_verdict_counts() -> None:
 def test_conditions_are_checked(wrong: dict[str, object]) -> None:
     with pytest.raises(SettingsError):
         Conditions(**wrong)  # type: ignore[arg-type]
+
+
+def test_conditions_from_a_file(tmp_path: Path) -> None:
+    path = tmp_path / "c.yaml"
+    path.write_text(
+        "default: {loading_state: self_weight}\nelements:\n  B-1: {precamber_m: 0.02}\n  B-2: {loading_state: unloaded}\n"
+    )
+    each = load_conditions(path, Conditions("loaded", 0.01))
+    assert each.of("guid", "B-1", "name") == Conditions("self_weight", 0.02)
+    assert each.of("B-2") == Conditions("unloaded", 0.01) and each.of("B-3") == Conditions("self_weight", 0.01)
+
+
+@pytest.mark.parametrize(
+    ("text", "says"),
+    [
+        ("default: {loading: x}", "default: unknown key 'loading'"),
+        ("default: {loading_state: wet}", "default.loading_state: 'wet'"),
+        ("elements: {B-1: {precamber_m: '20 mm'}}", "elements.B-1.precamber_m: '20 mm'"),
+        ("elements: {B-1: {precamber_m: true}}", "elements.B-1.precamber_m: True"),
+        ("elements: [B-1]", "elements: is no set of keys"),
+        ("beams: {}", "unknown key 'beams'"),
+        ("", "is no set of keys"),
+        ("elements: {B-1: {}, B-1: {}}", "twice"),
+    ],
+)
+def test_wrong_conditions_are_named(tmp_path: Path, text: str, says: str) -> None:
+    (tmp_path / "c.yaml").write_text(text)
+    with pytest.raises(ToleranceError) as error:
+        load_conditions(tmp_path / "c.yaml")
+    assert str(error.value).startswith(f"{tmp_path / 'c.yaml'}: ") and says in str(error.value)
 
 
 # files -------------------------------------------------------------------------------------------

@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
 import typer
@@ -10,7 +11,7 @@ from linear_ik.cli.process import about_options
 
 if TYPE_CHECKING:
     from linear_ik.result import FitResult
-    from linear_ik.tolerances import Conditions, Profile, Verdict
+    from linear_ik.tolerances import Conditions, ConditionsOfEach, Profile, Verdict
 
 
 def tolerances_option() -> Any:
@@ -50,6 +51,23 @@ def judged_by(
         option = "--precamber" if loading_state is None else "--loading-state"
         raise SettingsError(option, "given without tolerances", "--tolerances NAME")
     return None if tolerances is None else load_tolerances(tolerances), known
+
+
+def conditions_of_each(path: Path | None, profile: Profile | None, general: Conditions) -> ConditionsOfEach:
+    """Return the conditions of a file, those of the options for what it does not say.
+
+    Raises:
+        SettingsError: a file without tolerances.
+        ToleranceError: it is wrong.
+    """
+    from linear_ik.errors import SettingsError
+    from linear_ik.tolerances import ConditionsOfEach, load_conditions
+
+    if path is None:
+        return ConditionsOfEach(general)
+    if profile is None:
+        raise SettingsError("--conditions", "given without tolerances", "--tolerances NAME")
+    return load_conditions(path, general)
 
 
 def judge(result: FitResult, profile: Profile | None, known: Conditions) -> tuple[Verdict, ...]:

@@ -9,7 +9,13 @@ from typing import Annotated
 import typer
 
 from linear_ik.cli.arguments import file_argument, file_option
-from linear_ik.cli.judging import judged_by, loading_state_option, precamber_option, tolerances_option
+from linear_ik.cli.judging import (
+    conditions_of_each,
+    judged_by,
+    loading_state_option,
+    precamber_option,
+    tolerances_option,
+)
 from linear_ik.cli.outputs import check_output
 from linear_ik.cli.process import Verb
 from linear_ik.cli.progress import Progress
@@ -38,12 +44,21 @@ def report(
     tolerances: Annotated[str | None, tolerances_option()] = None,
     loading_state: Annotated[str | None, loading_state_option()] = None,
     precamber: Annotated[float | None, precamber_option()] = None,
+    conditions: Annotated[
+        Path | None,
+        file_option("--conditions", metavar="FILE.yaml", about="Both for each element, by GlobalId, tag or name."),
+    ] = None,
+    sections: Annotated[
+        list[float] | None,
+        typer.Option("--section", metavar="METRES", help="Where sections are shown, from the start; repeatable."),
+    ] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
 ) -> None:
     """Read the results, measure and judge them, write the page."""
     scans = scan or []
-    target = check_output(output, [results, *scans])
-    profile, known = judged_by(tolerances, loading_state, precamber)
+    target = check_output(output, [results, *scans, *([conditions] if conditions else [])])
+    profile, general = judged_by(tolerances, loading_state, precamber)
+    known = conditions_of_each(conditions, profile, general)
     progress = Progress(quiet)
     with progress.stage(f"reading {results}", judges_input=True):
         from linear_ik.report import read_run, write_report
@@ -56,7 +71,7 @@ def report(
 
             points = read_scan(*scans)
     with progress.stage("writing the report"):
-        write_report(run, target, points, lambda i, n: progress.update(f"writing element {i} of {n}"))
+        write_report(run, target, points, sections or (), lambda i, n: progress.update(f"writing element {i} of {n}"))
     if not quiet:
         outcomes = [member.outcome or member.result.status for member in run.members]
         counts = ", ".join(f"{outcomes.count(kind)} {kind.replace('_', ' ')}" for kind in dict.fromkeys(outcomes))

@@ -14,10 +14,19 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.deviation import Deviations, deviations
-from linear_ik.errors import LinearIkError
+from linear_ik.errors import LinearIkError, ToleranceError
 from linear_ik.exports.result_json import EXPECTED, ResultError, result_from_mapping
 from linear_ik.result import FitResult
-from linear_ik.tolerances import Accuracy, Conditions, Profile, Verdict, level_of_accuracy, overall, verdicts
+from linear_ik.tolerances import (
+    Accuracy,
+    Conditions,
+    ConditionsOfEach,
+    Profile,
+    Verdict,
+    level_of_accuracy,
+    overall,
+    verdicts,
+)
 
 Array = npt.NDArray[np.float64]
 
@@ -78,7 +87,7 @@ class Run:
 def read_run(
     path: str | os.PathLike[str],
     profile: Profile | None = None,
-    conditions: Conditions | None = None,
+    conditions: Conditions | ConditionsOfEach | None = None,
     on_member: Callable[[int, int], object] | None = None,
 ) -> Run:
     """Return what a report is about.
@@ -87,23 +96,29 @@ def read_run(
         path: a result, or the folder of a run: its ``elements/*.json``, ``elements.csv`` and
             ``run.json``; a folder of results without those will do.
         profile: tolerances, or None for no verdicts.
-        conditions: what only the person knows.
+        conditions: what only the person knows, of all members or of each.
         on_member: called with how many are read, of how many.
 
     Raises:
         ResultError: no result there, or one that cannot be read.
+        ToleranceError: conditions of an element that is not there.
     """
+    known = conditions if isinstance(conditions, ConditionsOfEach) else ConditionsOfEach(conditions or Conditions())
     source = Path(path)
     files = _results(source)
     rows = _table(source / TABLE) if source.is_dir() else {}
     said = _said(source / RUN) if source.is_dir() else {}
-    members = []
+    members, strangers = [], set(known.named)
     for i, file in enumerate(files):
         result, versions = _read(file)
         row = rows.pop(file.stem, {})
-        members.append(judged_member(result, profile, conditions, key=file.stem, versions=versions, about=row))
+        names = (file.stem, row.get("tag", ""), row.get("name") or result.element.name)
+        strangers -= {*names}
+        members.append(judged_member(result, profile, known.of(*names), file.stem, versions, row))
         if on_member is not None:
             on_member(i + 1, len(files))
+    if strangers:
+        raise ToleranceError("conditions", f"no element {sorted(strangers)[0]!r}", "a GlobalId, tag or name of the run")
     title = members[0].name if len(members) == 1 and not source.is_dir() else source.resolve().name
     left_out = said.pop("left_out", None)
     T = said.pop("T_model_scan", None)

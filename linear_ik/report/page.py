@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable
+from collections.abc import Callable, Sequence
 from datetime import datetime
 from pathlib import Path
 from typing import Any
@@ -38,6 +38,7 @@ def write_report(
     run: Run,
     path: str | os.PathLike[str],
     scan: Scan | None = None,
+    sections_m: Sequence[float] = (),
     on_member: Callable[[int, int], object] | None = None,
 ) -> Path:
     """Write a report as one HTML file, whole or not at all.
@@ -46,17 +47,19 @@ def write_report(
         run: what it is about.
         path: of the file.
         scan: its points are shown with the members they lie near.
+        sections_m: where sections are shown, from the start; the quarters and the bow where left out.
         on_member: called with how many pages are made, of how many.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    return write_atomically(path, render(run, scan, on_member))
+    return write_atomically(path, render(run, scan, sections_m, on_member))
 
 
 def render(
     run: Run,
     scan: Scan | None = None,
+    sections_m: Sequence[float] = (),
     on_member: Callable[[int, int], object] | None = None,
     made: datetime | None = None,
 ) -> str:
@@ -65,6 +68,7 @@ def render(
     Args:
         run: what it is about.
         scan: its points are shown with the members they lie near.
+        sections_m: where sections are shown, from the start; the quarters and the bow where left out.
         on_member: called with how many pages are made, of how many.
         made: when; now where left out.
     """
@@ -81,7 +85,7 @@ def render(
     most = max(LEAST_POINTS, min(MOST_POINTS, POINTS_BUDGET_BYTES // POINT_BYTES // max(len(run.members), 1)))
     pages = []
     for i, member in enumerate(run.members):
-        pages.append(_page(member, i, cloud, most))
+        pages.append(_page(member, i, cloud, most, sections_m))
         if on_member is not None:
             on_member(i + 1, len(run.members))
     return environment.get_template("report.html.j2").render(
@@ -117,7 +121,9 @@ def _counts(run: Run) -> list[tuple[str, int]]:
     return [(kind, counts[kind]) for kind in order if counts[kind]]
 
 
-def _page(member: ReportedMember, number: int, cloud: Cloud | None, most_points: int) -> dict[str, Any]:
+def _page(
+    member: ReportedMember, number: int, cloud: Cloud | None, most_points: int, sections_m: Sequence[float]
+) -> dict[str, Any]:
     """Return what the template says of a member."""
     result, found = member.result, member.deviations
     frames = None if result.status == "not_scanned" else T_world_segments(result)
@@ -135,7 +141,9 @@ def _page(member: ReportedMember, number: int, cloud: Cloud | None, most_points:
         "seen": seen(result),
         "strip": strip(result.segments),
         "plots": [] if found is None else _plots(member, found),
-        "sections": [] if found is None or frames is None else _sections(member, found, frames, near, largest_m),
+        "sections": []
+        if found is None or frames is None
+        else _sections(member, found, frames, near, largest_m, sections_m),
         "near": None if near is None else len(near.points),
         "largest_mm": f"{1e3 * largest_m:g}",
         "body": body_data(result, frames, near, most_points, largest_m),
@@ -167,15 +175,21 @@ def _plots(member: ReportedMember, found: Deviations) -> list[dict[str, Any]]:
 
 
 def _sections(
-    member: ReportedMember, found: Deviations, frames: Array, near: NearPoints | None, largest_m: float
+    member: ReportedMember,
+    found: Deviations,
+    frames: Array,
+    near: NearPoints | None,
+    largest_m: float,
+    sections_m: Sequence[float],
 ) -> list[dict[str, Any]]:
-    """Return sections at the quarters and where the bow is."""
+    """Return sections at the places asked for, or at the quarters and where the bow is."""
     result, element = member.result, member.result.element
     step_m, out = element.segment_length_m, []
     T, R_design = element.placement.T_world_element, element.design.rotations
     designed_nodes = element.design.nodes_m @ T[:3, :3].T + T[:3, 3]
     bow = 0.5 if found.bow_m.node is None else found.bow_m.node / element.segments
-    for share in sorted([bow, *(s for s in SECTION_SHARES if abs(s - bow) > APART)]):
+    shares = [s_m / element.length_m for s_m in sections_m if 0.0 <= s_m <= element.length_m]
+    for share in sorted(shares or [bow, *(s for s in SECTION_SHARES if abs(s - bow) > APART)]):
         k = min(int(share * element.segments), element.segments - 1)
         z_m = min(max(share * element.length_m - k * step_m, 0.0), step_m)
         frame, profile = frames[k], element.profile_at(share)

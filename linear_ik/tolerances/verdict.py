@@ -14,46 +14,19 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from typing import Any, Literal, get_args
+from typing import Any, Literal
 
 import numpy as np
 
 from linear_ik.deviation import Deviations, Figure, deviations
-from linear_ik.errors import SettingsError, ToleranceError
+from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
 from linear_ik.tolerances.clause import ANGLES, Clause, Profile
+from linear_ik.tolerances.conditions import Conditions
 from linear_ik.tolerances.formula import Quantity
 
 Outcome = Literal["pass", "fail", "inconclusive", "not_applicable"]
-LoadingState = Literal["unloaded", "self_weight", "loaded"]
 FIELDS = {"twist": "twist_rad", "slope": "slope_max_rad", "departure": "departure_max_m"}
-MOST_PRECAMBER_M = 1.0
-
-
-@dataclass(frozen=True)
-class Conditions:
-    """What only the person knows.
-
-    Attributes:
-        loading_state: when it was scanned: unloaded, under its own weight only, or loaded; None: not stated.
-        precamber_m: specified rise of the middle, where the design is drawn without; None: not stated.
-
-    Raises:
-        SettingsError: another state, a precamber that is no length.
-    """
-
-    loading_state: LoadingState | None = None
-    precamber_m: float | None = None
-
-    def __post_init__(self) -> None:
-        """Check both."""
-        if self.loading_state is not None and self.loading_state not in get_args(LoadingState):
-            raise SettingsError(
-                "loading_state", f"{self.loading_state!r}", "one of " + ", ".join(get_args(LoadingState))
-            )
-        precamber = self.precamber_m
-        if precamber is not None and not abs(precamber) <= MOST_PRECAMBER_M:
-            raise SettingsError("precamber_m", f"{precamber!r}", f"metres, at most {MOST_PRECAMBER_M:g}")
 
 
 @dataclass(frozen=True)
