@@ -106,9 +106,9 @@ def test_demo_finds_its_truth_and_names_its_files(here, capfd):
     assert not out
     output = here / "linear_ik_demo"
     names = {path.name for path in output.iterdir()}
-    for name in ("element.yaml", "scan.ply", "result.json", "result.urdf", "result.glb", "view.html"):
+    for name in ("element.yaml", "scan.ply", "result.json", "result.urdf", "result.glb", "view.html", "report.html"):
         assert name in names, name
-    for name in ("view.html", "result.json", "result.glb", "result.urdf", "element.yaml"):
+    for name in ("view.html", "report.html", "result.json", "result.glb", "result.urdf", "element.yaml"):
         assert f"linear_ik_demo/{name}" in err
     result, truth = read_result(output / "result.json"), json.loads((output / "truth.json").read_text())
     worst = 1000 * np.linalg.norm(result.nodes_m - truth["nodes_m"], axis=1).max()

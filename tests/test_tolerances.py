@@ -235,9 +235,8 @@ def test_conditions_are_checked(wrong: dict[str, object]) -> None:
 
 def test_conditions_from_a_file(tmp_path: Path) -> None:
     path = tmp_path / "c.yaml"
-    path.write_text(
-        "default: {loading_state: self_weight}\nelements:\n  B-1: {precamber_m: 0.02}\n  B-2: {loading_state: unloaded}\n"
-    )
+    elements = "elements:\n  B-1: {precamber_m: 0.02}\n  B-2: {loading_state: unloaded}\n"
+    path.write_text("default: {loading_state: self_weight}\n" + elements)
     each = load_conditions(path, Conditions("loaded", 0.01))
     assert each.of("guid", "B-1", "name") == Conditions("self_weight", 0.02)
     assert each.of("B-2") == Conditions("unloaded", 0.01) and each.of("B-3") == Conditions("self_weight", 0.01)

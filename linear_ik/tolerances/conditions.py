@@ -84,9 +84,7 @@ def load_conditions(path: str | os.PathLike[str], default: Conditions | None = N
         named = {str(name): _conditions(f"elements.{name}", row, general) for name, row in elements.items()}
     except ToleranceError as error:
         what = error.what if error.subject == "file" else f"{error.subject}: {error.what}"
-        raise ToleranceError(
-            path, what.replace("a file of tolerances", "a file of conditions"), error.expected
-        ) from None
+        raise ToleranceError(path, what, error.expected.replace("of tolerances", "of conditions")) from None
     return ConditionsOfEach(general, named)
 
 
