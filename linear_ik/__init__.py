@@ -40,6 +40,7 @@ if TYPE_CHECKING:
     from linear_ik.scan import Scan
     from linear_ik.settings import FitSettings
     from linear_ik.simulate import SimulatedScan, simulate
+    from linear_ik.tolerances import Conditions, load_tolerances, verdicts
     from linear_ik.urdf import generate_urdf, write_urdf
     from linear_ik.viewer import Viewer
     from linear_ik.virtual_scanner import scan_virtually
@@ -75,6 +76,7 @@ _MODULES = {
     "scan": ("Scan",),
     "settings": ("FitSettings",),
     "simulate": ("SimulatedScan", "simulate"),
+    "tolerances": ("Conditions", "load_tolerances", "verdicts"),
     "urdf": ("generate_urdf", "write_urdf"),
     "viewer": ("Viewer",),
     "virtual_scanner": ("scan_virtually",),
@@ -86,6 +88,7 @@ __all__ = [
     "Chain",
     "Circle",
     "CircleHollow",
+    "Conditions",
     "Deviations",
     "Element",
     "FitResult",
@@ -113,11 +116,13 @@ __all__ = [
     "fit",
     "generate_urdf",
     "load_element",
+    "load_tolerances",
     "read_result",
     "read_scan",
     "result_to_mapping",
     "scan_virtually",
     "simulate",
+    "verdicts",
     "write_fitted_urdf",
     "write_glb",
     "write_result",
