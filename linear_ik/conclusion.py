@@ -22,7 +22,7 @@ from linear_ik.result import FitResult, SegmentResult, in_doubt
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
-from linear_ik.uncertainty import covariance, pressed_limits
+from linear_ik.uncertainty import birge_ratio, covariance, pressed_limits
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -34,6 +34,8 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     """Return the result of a settled fit, and the verdict on it."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
+    ratio = birge_ratio(problem, settled.tally.patch_score, settled.tally.objective, settled.objective)
+    S, node_covariance = ratio * S, ratio * node_covariance
     off_m = pose.node_jacobians() @ settled.still
     node_covariance += off_m[:, :, None] * off_m[:, None, :]
     pressed = pressed_limits(problem, settled.x, settled.objective, S)

@@ -14,7 +14,6 @@ from linear_ik import Circle, Element, IShape, LShape, Rectangle, Scan, simulate
 from linear_ik.bending import rigid_motion
 
 SHAPES = ("rectangle", "i_shape", "circle", "l_shape")
-MOST_SECONDS = 30.0  # a quiet machine needs a tenth of it
 
 
 def member(name: str, **fields) -> Element:
@@ -66,7 +65,6 @@ def test_an_element_that_is_not_in_the_scan(what, name, start):
     assert result.status == "not_scanned", result.reasons
     assert len(result.reasons) >= 1 and "not in the scan" in result.reasons[0]
     assert [s.status for s in result.segments] == ["not_scanned"] * 10
-    assert result.timings_s["total"] < MOST_SECONDS
     # The design comes back, as uncertain as a design is.
     T = element.placement.T_world_element
     np.testing.assert_allclose(result.nodes_m[-1], T[:3, 3] + 2.5 * T[:3, 2], atol=1e-12)
