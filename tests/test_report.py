@@ -77,6 +77,10 @@ def test_a_run_is_its_results_and_what_its_table_says(tmp_path: Path) -> None:
     run = read_run(write_run(tmp_path), load_tolerances("aisc303"), None, lambda i, n: seen.append((i, n)))
     assert [m.tag for m in run.members] == ["C-0", "C-1", "C-2", "C-3"] and seen[-1] == (4, 4)
     assert [m.outcome for m in run.members] == ["pass", "pass", "inconclusive", "inconclusive"]
+    (tmp_path / "elements" / "0AbC$d_00.json").rename(tmp_path / "elements" / "zzz.json")
+    table = (tmp_path / "elements.csv").read_text().replace("0AbC$d_00", "zzz")
+    (tmp_path / "elements.csv").write_text(table)
+    assert [m.tag for m in read_run(tmp_path).members] == ["C-0", "C-1", "C-2", "C-3"]  # the table's order
     assert [row["name"] for row in run.unfitted] == ["Plate", "Rail"] and run.T_results_scan is None
     assert run.about == {"design": "site.ifc", "settings.seed": "0", "scan": "a, b"}
     assert run.members[0].versions["python"] and run.members[0].profile == "HEB 200"
@@ -124,7 +128,8 @@ def test_nothing_to_report(tmp_path: Path) -> None:
     [
         (0.0131, 0.0035, "13.1 ± 3.5 mm"),
         (-0.0131, 0.00035, "-13.10 ± 0.35 mm"),
-        (0.0131, 0.000035, "13.100 ± 0.035 mm"),
+        (0.0131, 0.00004, "13.10 ± 0.04 mm"),
+        (0.0131, 0.000004, "13.100 ± 0.004 mm"),
         (0.0131, None, "13.1 mm, band not known"),
         (None, None, "not known"),
     ],
@@ -240,6 +245,15 @@ def test_points_near_a_member_and_no_others() -> None:
     start = result.nodes_m[:-1][near.segment]
     along = np.einsum("ij,ij->i", near.points - start, (result.nodes_m[1:] - result.nodes_m[:-1])[near.segment]) / 0.25
     np.testing.assert_allclose(np.clip(along, 0, 1), at - near.segment, atol=1e-6)
+
+
+def test_stray_points_at_the_end_of_the_world_hide_nothing() -> None:
+    element = Element("e", H, 3.0, 6, BEAM)
+    points = simulate(element, points=1000, noise_m=0.0).points
+    result = posed(element, np.zeros((6, 3)))
+    for strays in ([[-9e7, -9e7, -9e7]], [[9e7, 9e7, 9e7]], [[-9e7, 9e7, 0.0], [9e7, -9e7, 0.0]]):
+        near = Cloud(np.concatenate([strays, points])).near(result, T_world_segments(result))
+        assert len(near.points) == 1000
 
 
 def test_a_scan_in_other_coordinates_is_moved_to_the_results(tmp_path: Path) -> None:

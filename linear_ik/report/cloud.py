@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
+from itertools import product
 
 import numpy as np
 import numpy.typing as npt
@@ -15,6 +16,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 NEAR_M = 0.05  # from the fitted surface; what lies farther off is another body
+CELL_M, BITS = 0.5, 20  # of a cell; of its number along each axis
 MOST_POINTS = 40_000  # of a member, before anything is computed
 
 
@@ -38,11 +40,16 @@ class NearPoints:
 
 
 class Cloud:
-    """A scan, sorted once so that the points about a member are found without a look at all others."""
+    """A scan, sorted once into cells, so that the points about a member are found without a look at all others."""
 
     def __init__(self, points: Array) -> None:
-        """Sort the points [P][3] along x."""
-        self._points = points[np.argsort(points[:, 0])]
+        """Sort the points [P][3] by their cells."""
+        self._origin = points.min(axis=0)
+        keys = np.zeros(len(points), dtype=np.int64)
+        for axis in range(3):
+            keys = (keys << BITS) | self._cells(points[:, axis], axis)
+        order = np.argsort(keys, kind="stable")
+        self._points, self._keys = points[order], keys[order]
 
     def near(self, result: FitResult, frames: Array, seed: int = 0) -> NearPoints:
         """Return the points within 50 mm of a fitted member, a random choice where there are many.
@@ -52,16 +59,33 @@ class Cloud:
             frames: [N][4][4] of its segments, `T_world_segments`.
             seed: of the choice.
         """
-        nodes, reach = result.nodes_m, surface_of(result.element).reach_m + NEAR_M
-        low, high = nodes.min(axis=0) - reach, nodes.max(axis=0) + reach
-        first, last = np.searchsorted(self._points[:, 0], [low[0], high[0]])
-        box = self._points[first:last]
-        box = box[((box[:, 1:] >= low[1:]) & (box[:, 1:] <= high[1:])).all(axis=1)]
-        near = _beside(result, frames, box)
+        near = _beside(result, frames, self._about(result))
         rows = np.flatnonzero(near.distance_m <= NEAR_M)
         if len(rows) > MOST_POINTS:
             rows = np.sort(np.random.default_rng(seed).choice(rows, MOST_POINTS, replace=False))
         return NearPoints(near.points[rows], near.segment[rows], near.xy[rows], near.s_m[rows], near.distance_m[rows])
+
+    def _about(self, result: FitResult) -> Array:
+        """Return the points of the cells that the segments' boxes touch."""
+        reach, nodes = surface_of(result.element).reach_m + NEAR_M, result.nodes_m
+        low, high = np.minimum(nodes[1:], nodes[:-1]) - reach, np.maximum(nodes[1:], nodes[:-1]) + reach
+        first = np.stack([self._cells(low[:, axis], axis) for axis in range(3)], axis=1)
+        last = np.stack([self._cells(high[:, axis], axis) for axis in range(3)], axis=1)
+        # Cells above each other follow each other: one look-up for all of them.
+        columns: dict[tuple[int, int], tuple[int, int]] = {}
+        for (x0, y0, z0), (x1, y1, z1) in zip(first.tolist(), last.tolist(), strict=True):
+            for column in product(range(x0, x1 + 1), range(y0, y1 + 1)):
+                bottom, top = columns.get(column, (z0, z1))
+                columns[column] = min(bottom, z0), max(top, z1)
+        keys = np.array([[((x << BITS | y) << BITS) | z for z in zs] for (x, y), zs in columns.items()])
+        begin = np.searchsorted(self._keys, keys[:, 0], side="left")
+        end = np.searchsorted(self._keys, keys[:, 1], side="right")
+        return np.concatenate([self._points[a:b] for a, b in zip(begin, end, strict=True)])
+
+    def _cells(self, values: Array, axis: int) -> npt.NDArray[np.int64]:
+        """Return the cells of coordinates; what is farther off than there are numbers shares the last one."""
+        cells: Array = np.floor((values - self._origin[axis]) / CELL_M)
+        return np.clip(cells, 0, (1 << BITS) - 1).astype(np.int64)
 
 
 def T_world_segments(result: FitResult) -> Array:  # noqa: N802 (T_target_source, as small_gicp names transforms)

@@ -107,6 +107,8 @@ def read_run(
     source = Path(path)
     files = _results(source)
     rows = _table(source / TABLE) if source.is_dir() else {}
+    order = {guid: i for i, guid in enumerate(rows)}
+    files.sort(key=lambda file: order.get(file.stem, len(order)))
     said = _said(source / RUN) if source.is_dir() else {}
     members, strangers = [], set(known.named)
     for i, file in enumerate(files):

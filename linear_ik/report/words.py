@@ -35,7 +35,7 @@ def with_band(value: float | None, band: float | None, unit: str, factor: float)
         return NOT_KNOWN
     if band is None or not math.isfinite(band):
         return f"{factor * value:.1f} {unit}, band not known"
-    digits = 1 if factor * band >= 0.95 else 2 if factor * band >= 0.095 else 3
+    digits = 1 if factor * band >= 0.95 else 2 if factor * band >= 0.0095 else 3
     return f"{factor * value + 0.0:.{digits}f} ± {factor * band:.{digits}f} {unit}"
 
 
