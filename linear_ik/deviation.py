@@ -1,5 +1,8 @@
 """Deviation: how far the as-built member is from a straight one and from its design, with 95 % bands.
 
+Figures are those of the nodes. Between two nodes a smooth curve may reach a little farther: of an
+arc of N segments, N odd, its bow by one part in N^2; N even puts a node in the middle.
+
 Two ways to look at a member. *Relative to the chord*: the line between its working points, the
 first and the last node; what all nodes share, such as the error of the registration, cancels.
 *Against the design*: where it stands.
