@@ -168,6 +168,8 @@ def test_the_page_says_what_matters(tmp_path: Path) -> None:
             "Plate",
             "left out",
             "no straight axis",
+            "signature",
+            f"with linear_ik {linear_ik.__version__}",
         ),
         *("site.ifc", "version of numpy", "2026-01-02 03:04 UTC", "the element is not in the scan"),
     ):

@@ -6,6 +6,7 @@ import os
 from collections import Counter
 from collections.abc import Callable, Sequence
 from datetime import datetime
+from importlib.metadata import version
 from pathlib import Path
 from typing import Any
 
@@ -95,6 +96,7 @@ def render(
         judged=any(m.verdicts for m in run.members),
         # Columns of figures are empty for what was not fitted.
         unfitted_columns=list(dict.fromkeys(k for row in run.unfitted for k, v in row.items() if v)),
+        version=version("linear_ik"),
         made=(made or datetime.now().astimezone()).strftime("%Y-%m-%d %H:%M %Z"),
         style=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
         script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
