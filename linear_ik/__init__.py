@@ -14,6 +14,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from linear_ik.bending import Bend
     from linear_ik.chain import Chain
+    from linear_ik.deviation import Deviations, deviations
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
@@ -39,6 +40,7 @@ if TYPE_CHECKING:
     from linear_ik.scan import Scan
     from linear_ik.settings import FitSettings
     from linear_ik.simulate import SimulatedScan, simulate
+    from linear_ik.tolerances import Conditions, load_tolerances, verdicts
     from linear_ik.urdf import generate_urdf, write_urdf
     from linear_ik.viewer import Viewer
     from linear_ik.virtual_scanner import scan_virtually
@@ -48,6 +50,7 @@ if TYPE_CHECKING:
 _MODULES = {
     "bending": ("Bend",),
     "chain": ("Chain",),
+    "deviation": ("Deviations", "deviations"),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
@@ -73,6 +76,7 @@ _MODULES = {
     "scan": ("Scan",),
     "settings": ("FitSettings",),
     "simulate": ("SimulatedScan", "simulate"),
+    "tolerances": ("Conditions", "load_tolerances", "verdicts"),
     "urdf": ("generate_urdf", "write_urdf"),
     "viewer": ("Viewer",),
     "virtual_scanner": ("scan_virtually",),
@@ -84,6 +88,8 @@ __all__ = [
     "Chain",
     "Circle",
     "CircleHollow",
+    "Conditions",
+    "Deviations",
     "Element",
     "FitResult",
     "FitSettings",
@@ -104,16 +110,19 @@ __all__ = [
     "UShape",
     "Viewer",
     "__version__",
+    "deviations",
     "element_from_mapping",
     "element_to_mapping",
     "fit",
     "generate_urdf",
     "load_element",
+    "load_tolerances",
     "read_result",
     "read_scan",
     "result_to_mapping",
     "scan_virtually",
     "simulate",
+    "verdicts",
     "write_fitted_urdf",
     "write_glb",
     "write_result",

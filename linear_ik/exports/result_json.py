@@ -25,6 +25,8 @@ from linear_ik.settings import FitSettings
 
 SCHEMA = "linear_ik/result/1"
 PACKAGES = ("linear_ik", "numpy", "open3d", "open3d-cpu", "osqp", "pin", "qpsolvers")
+# 500 segments would take 50 MB, 100 take 2.
+MOST_WITH_COVARIANCE = 100
 EXPECTED = f'a result that linear_ik wrote, schema "{SCHEMA}"'
 
 Array = npt.NDArray[np.float64]
@@ -44,6 +46,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "iterations": result.iterations,
         "nodes_m": _plain(result.nodes_m),
         "nodes_covariance_m2": _plain(result.nodes_covariance_m2),
+        "configuration_covariance": _plain(_kept(result)),
         "q": _plain(result.q),
         "joint_angles_rad": _plain(result.joint_angles_rad),
         "joint_limits_rad": _plain(result.joint_limits_rad),
@@ -59,11 +62,16 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
     }
 
 
-def result_to_json(result: FitResult) -> str:
-    """Return a result as JSON text: one line a key, a segment or an iteration."""
+def result_to_json(result: FitResult, extra: Mapping[str, Any] | None = None) -> str:
+    """Return a result as JSON text: one line a key, a segment, an iteration or a verdict.
+
+    Args:
+        result: of a fit.
+        extra: further keys, such as ``verdicts``.
+    """
     lines = []
-    for key, value in result_to_mapping(result).items():
-        if key in ("segments", "history") and value:
+    for key, value in {**result_to_mapping(result), **_plain(extra or {})}.items():
+        if key in ("segments", "history", "verdicts") and value:
             rows = ",\n  ".join(_dump(row) for row in value)
             lines.append(f"{_dump(key)}: [\n  {rows}\n]")
         else:
@@ -71,13 +79,18 @@ def result_to_json(result: FitResult) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def write_result(result: FitResult, path: str | os.PathLike[str]) -> Path:
+def write_result(result: FitResult, path: str | os.PathLike[str], extra: Mapping[str, Any] | None = None) -> Path:
     """Write a result as JSON, whole or not at all.
+
+    Args:
+        result: of a fit.
+        path: of the file.
+        extra: further keys, such as ``verdicts``; readers that do not know them pass over them.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    return write_atomically(path, result_to_json(result))
+    return write_atomically(path, result_to_json(result, extra))
 
 
 def read_result(path: str | os.PathLike[str]) -> FitResult:
@@ -128,6 +141,8 @@ def result_from_mapping(mapping: object) -> FitResult:
     if len(segments) != n:
         raise ResultError("segments", f"{len(segments)} of them", f"the element's {n}")
     settings = _mapping("settings", _get(top, "settings"))
+    # Results of earlier versions have none.
+    joint = top.get("configuration_covariance")
     return FitResult(
         element=element,
         status=_one_of("status", _get(top, "status"), get_args(Status)),
@@ -147,6 +162,9 @@ def result_from_mapping(mapping: object) -> FitResult:
         timings_s={
             str(k): _number(f"timings_s.{k}", v) for k, v in _mapping("timings_s", _get(top, "timings_s")).items()
         },
+        configuration_covariance=None
+        if joint is None
+        else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
     )
 
 
@@ -162,6 +180,11 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def _kept(result: FitResult) -> Array | None:
+    """Return the covariance of the configuration, unless it would outgrow all else."""
+    return result.configuration_covariance if result.element.segments <= MOST_WITH_COVARIANCE else None
 
 
 def _dump(value: object) -> str:
