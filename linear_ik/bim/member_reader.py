@@ -20,8 +20,6 @@ from linear_ik.errors import DesignError, ElementError
 
 Array = npt.NDArray[np.float64]
 
-AT_ENDS = 0.1  # of the length
-
 
 @dataclass(frozen=True, eq=False)
 class Reading:
@@ -141,16 +139,10 @@ class MemberReader:
         found = agreement(sweep, body.vertices_m)
         if self._agrees(found):
             return Reading(sweep, solid=item)
-        # A plate at its end belongs to the body, not to the section that runs between.
-        if sweep.axis_m is None and sweep.profile_end is None and self._at_ends_only(sweep, body.vertices_m):
-            return Reading(sweep, remark=f"{_difference(found)}, at its ends only", solid=item)
+        # A corbel or an end plate belongs to the body, not to the section that most of it has.
+        if sweep.axis_m is None and sweep.profile_end is None:
+            return Reading(sweep, remark=_difference(found), solid=item)
         return Reading(None, _difference(found), solid=item)
-
-    def _at_ends_only(self, sweep: Sweep, vertices: Array) -> bool:
-        z = into(sweep.T_product_start, vertices)[:, 2]
-        inner = (z > AT_ENDS * sweep.length_m) & (z < (1 - AT_ENDS) * sweep.length_m)
-        # A body without vertices in between runs from end to end as it begins.
-        return bool(inner.any()) and agreement(sweep, vertices[inner]).outside_m <= self.tolerance_m
 
     def _agrees(self, found: Agreement) -> bool:
         return self._holds(found) and found.short_m <= self.tolerance_m

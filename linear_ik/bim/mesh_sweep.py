@@ -27,8 +27,9 @@ Triangles = npt.NDArray[np.int64]
 CUTS = 11
 CURVE_CUTS = 41
 FROM, TO = 0.04, 0.96  # of the length
-SHARE = 0.5  # of the cuts that show the section
+SHARE = 0.6  # of the cuts that show the section
 PARALLEL = np.cos(np.radians(2.0))
+EXACTLY = np.cos(np.radians(0.05))
 CANDIDATES = 3
 FLAT = 1 / 3  # of both other sides: a plate
 
@@ -107,7 +108,10 @@ def directions(vertices: Array, triangles: Triangles) -> list[Array]:
         cosines = units[left] @ lead
         same = np.abs(cosines) > PARALLEL
         rows = left[same]
-        mean = (units[rows] * (np.sign(cosines[same]) * lengths[rows])[:, None]).sum(axis=0)
+        # Edges of other parts run nearly so; those of a taper lean to all sides.
+        tight = np.abs(cosines[same]) > EXACTLY
+        some = tight if lengths[rows[tight]].sum() > 0.5 * lengths[rows].sum() else np.ones(len(rows), dtype=bool)
+        mean = (units[rows[some]] * (np.sign(cosines[same][some]) * lengths[rows[some]])[:, None]).sum(axis=0)
         found.append((float(lengths[rows].sum()), _upright(mean / np.linalg.norm(mean))))
         left = left[~same]
     found.sort(key=lambda one: -one[0])
@@ -191,7 +195,7 @@ def _tapered(
     holes = sections[0].holes, sections[-1].holes
     ends = [profiles.drawn(outline, hole) for outline, hole in zip((first, last), holes, strict=True)]
     middles = [T[:3, :3] @ np.append(end.t_m, at) for end, at in zip(ends, (low, high), strict=True)]
-    leaning = np.linalg.norm(ends[0].t_m - ends[1].t_m) > tolerance_m
+    leaning = bool(np.linalg.norm(ends[0].t_m - ends[1].t_m) > tolerance_m)
     profile, profile_end = _pair(ends, leaning, first, last)
     if leaning:
         seat = PlacedProfile(profile, np.eye(2), ends[0].t_m)
@@ -236,7 +240,7 @@ def _at(T: Array, z_m: float) -> Array:
 
 def _upright(direction: Array) -> Array:
     """Return a direction so that its largest component is positive: a mesh has no start of its own."""
-    return direction if direction[np.abs(direction).argmax()] > 0 else -direction
+    return np.asarray(direction if direction[np.abs(direction).argmax()] > 0 else -direction)
 
 
 def _side(direction: Array) -> Array:

@@ -99,7 +99,7 @@ def curve_points(curve: Any) -> Array | None:
     if not len(edges) or (edges[1:, 0] != edges[:-1, 1]).any():
         return None
     points = vertices[[edges[0, 0], *edges[:, 1]]]
-    return points[np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9)]
+    return np.asarray(points[np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9)])
 
 
 def profile_rings(definition: Any) -> list[Array]:
