@@ -17,6 +17,7 @@ from linear_ik.bim.sweep import Sweep, into, out_of
 from linear_ik.bim.sweeps import SweepReader
 from linear_ik.bim.tessellation import Body, item_body
 from linear_ik.errors import DesignError, ElementError
+from linear_ik.profile import Polygon, Rectangle
 
 Array = npt.NDArray[np.float64]
 
@@ -82,7 +83,8 @@ class MemberReader:
                     return Reading(written, solid=solid.item)
                 sides = box_sides(into(written.T_product_start, body.vertices_m))
                 reason = f"it is {shape(sides)}"
-                if sides[1] < self.slenderness * max(sides[0], sides[2]):
+                full = isinstance(written.profile, (Polygon, Rectangle))
+                if not full or sides[1] < self.slenderness * max(sides[0], sides[2]):
                     # Nor is it a bar that was drawn from the side.
                     return Reading(None, reason, solid=solid.item)
             else:
