@@ -87,9 +87,16 @@ def test_missing_files_and_folders(tmp_path):
 
 @pytest.mark.parametrize(
     "wrong",
-    [{"classes": ("IfcWall",)}, {"classes": ()}, {"slenderness": -1}, {"segments": 0}, {"threads": 0}, {"colour": "red"},
-     {"fewest_segments": 20, "most_segments": 10}],
-)  # fmt: skip
+    [
+        {"classes": ("IfcWall",)},
+        {"classes": ()},
+        {"slenderness": -1},
+        {"segments": 0},
+        {"threads": 0},
+        {"colour": "red"},
+        {"fewest_segments": 20, "most_segments": 10},
+    ],
+)
 def test_a_wrong_setting_is_named(wrong, tmp_path):
     with pytest.raises(SettingsError, match=next(iter(wrong))):
         linear_ik.read_design(beam_file().write(tmp_path / "m.ifc"), **wrong)
@@ -113,8 +120,8 @@ def test_the_classes_and_what_stands_besides(tmp_path):
     profile = file.new("IfcRectangleProfileDef", "AREA", None, file.frame2d(), 0.2, 0.3)
     bar = file.extrusion(profile, 3)
     for kind, extra in (
-        ("IfcBeam", (None,)), ("IfcBeamStandardCase", (None,)), ("IfcColumn", (None,)), ("IfcColumnStandardCase", (None,)),
-        ("IfcMember", (None,)), ("IfcMemberStandardCase", (None,)), ("IfcPile", (None, None)),
+        ("IfcBeam", (None,)), ("IfcBeamStandardCase", (None,)), ("IfcColumn", (None,)),
+        ("IfcColumnStandardCase", (None,)), ("IfcMember", (None,)), ("IfcMemberStandardCase", (None,)), ("IfcPile", (None, None)),
         ("IfcPipeSegment", (None,)), ("IfcDuctSegment", (None,)), ("IfcCableCarrierSegment", (None,)),
         ("IfcReinforcingBar", (None,) * 6), ("IfcSlab", (None,)), ("IfcPlate", (None,)), ("IfcPipeFitting", (None,)),
     ):  # fmt: skip

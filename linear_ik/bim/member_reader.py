@@ -164,7 +164,8 @@ class MemberReader:
         return sweep.axis_m is not None and box_difference_m(sweep, vertices) <= self.tolerance_m
 
     def _slender(self, sweep: Sweep) -> bool:
-        return sweep.length_m >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
+        # A hair's breadth is rounding.
+        return sweep.length_m + 1e-6 >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
 
 
 def _area(sweep: Sweep) -> float:

@@ -55,7 +55,7 @@ def sweeps_of_mesh(
         T = line_frame(np.zeros(3), direction, _side(direction))
         local = into(T, vertices)
         sides = box_sides(local)
-        if sides[0] < slenderness * sides[1]:
+        if sides[0] + 1e-6 < slenderness * sides[1]:
             reason = reason or f"it is {shape(sides)}"
             continue
         try:
