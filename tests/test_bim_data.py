@@ -57,6 +57,7 @@ def world_bodies(name):
     settings = ifcopenshell.geom.settings()
     settings.set("use-world-coords", True)
     settings.set("circle-segments", 48)
+    settings.set("function-step-param", 5.0)
     file = model(name)
     products = [file.by_guid(member.guid) for member in design(name).members]
     iterator = ifcopenshell.geom.iterator(

@@ -235,7 +235,7 @@ def _far(a: Array, b: Array) -> float:
 
 def _at(T: Array, z_m: float) -> Array:
     """Return a frame moved along its own Z."""
-    moved = T.copy()
+    moved = np.array(T)
     moved[:3, 3] += z_m * T[:3, 2]
     return moved
 

@@ -22,6 +22,8 @@ DEFLECTION_M = 2e-4
 # Solids without curves go four times as fast with the first of the two.
 KERNEL = "hybrid-cgal-simple-opencascade"
 CIRCLE_CHORDS = 32
+# Of alignments and the like; 0.4 mm below a curve of 300 m radius, at half the time of the kernel's own step.
+STEP_M = 1.0
 ANGLE_RAD = 0.27
 
 
@@ -156,6 +158,7 @@ def _settings(curve: bool = False) -> Any:
     settings.set("mesher-linear-deflection", DEFLECTION_M)
     settings.set("mesher-angular-deflection", ANGLE_RAD)
     settings.set("circle-segments", CIRCLE_CHORDS)
+    settings.set("function-step-param", STEP_M)
     if curve:
         settings.set("dimensionality", 0)
     return settings
