@@ -226,7 +226,7 @@ def test_the_polygons_of_revit_are_the_sections_that_their_names_say():
         assert sorted((profile.depth, profile.width)) == pytest.approx([0.0762, 0.0889], abs=1e-5)
         assert profile.thickness == pytest.approx(0.009525, abs=1e-5)
     # Stubs of 430 mm under the 300 mm deep columns.
-    assert {one.reason for one in design(REVIT).left_out} == {"it is a plate, not linear: 430 x 300 x 90 mm"}
+    assert {one.reason for one in design(REVIT).left_out} == {"it is a stub, not linear: 430 x 300 x 90 mm"}
     assert len(design(REVIT).left_out) == 5
 
 

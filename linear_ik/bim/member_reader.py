@@ -82,8 +82,8 @@ class MemberReader:
                 if self._slender(written):
                     return Reading(written, solid=solid.item)
                 sides = box_sides(into(written.T_product_start, body.vertices_m))
-                reason = f"it is {shape(sides)}"
                 full = isinstance(written.profile, (Polygon, Rectangle))
+                reason = f"it is {shape(sides, full)}"
                 if not full or sides[1] < self.slenderness * max(sides[0], sides[2]):
                     # Nor is it a bar that was drawn from the side.
                     return Reading(None, reason, solid=solid.item)
