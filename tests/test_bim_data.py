@@ -287,3 +287,22 @@ def test_the_piles_in_feet():
         assert isinstance(member.element.profile, CircleHollow)
         assert dimensions(member.element.profile) == pytest.approx((0.75 * foot, 0.03125 * foot))
         assert member.profile_name == "18 in. x 0.375 in."
+
+
+def test_the_other_bodies_stand_in_the_way_and_the_kernel_keeps_quiet(capfd):
+    # The deck and the railings follow a gradient curve, whose sections the kernel prints.
+    read = linear_ik.read_design(DATA / f"{GIRDERS}.ifc", threads=1)
+    assert Counter(o.ifc_class for o in read.obstacles) == {"IfcRailing": 2, "IfcSlab": 1}
+    assert capfd.readouterr().out == ""
+    heating = linear_ik.read_design(DATA / f"{HVAC}.ifc", threads=2)
+    text = (DATA / f"{HVAC}.ifc").read_text(errors="replace")
+    others = len(
+        re.findall(r"^#\d+\s*=\s*IFC(PIPEFITTING|BOILER|BUILDINGELEMENTPROXY|PUMP|SPACEHEATER|VALVE)\(", text, re.M)
+    )
+    assert len(read.obstacles) == 3 and len(heating.obstacles) == others + len(heating.left_out)
+    # Two threads give what one does.
+    assert [m.guid for m in heating.members] == [m.guid for m in design(HVAC).members]
+    assert [m.element for m in heating.members] == [m.element for m in design(HVAC).members]
+    for obstacle in heating.obstacles:
+        assert obstacle.triangles.max() < len(obstacle.vertices_m)
+        assert np.isfinite(obstacle.vertices_m).all()

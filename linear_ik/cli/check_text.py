@@ -71,8 +71,15 @@ def coverage_lines(model: DesignModel, coverage: Sequence[Coverage]) -> list[str
         per_m, per_m2 = ([getattr(c, name) for c in covered] for name in ("points_per_m", "points_per_m2"))
         lines.append(_line("density", f"{_spread(per_m)} points a metre, {_spread(per_m2)} a m2 (least, median, most)"))
     missed = [(m, c) for m, c in zip(model.members, coverage, strict=True) if not c.covered]
+    if not any(c.points for c in coverage):
+        return lines
     missed.sort(key=lambda one: -one[1].seen)
-    text = [f"{_label(m)}: {c.points:,} points, {100 * c.seen:.0f} % of its length" for m, c in missed]
+    tags = Counter(_label(m) for m in model.members)
+    text = [
+        f"{_label(m)}{f' {m.guid}' if tags[_label(m)] > 1 else ''}: "
+        f"{c.points:,} points, {100 * c.seen:.0f} % of its length"
+        for m, c in missed
+    ]
     return lines + _listed("not seen", text)
 
 
