@@ -88,7 +88,7 @@ def bodies(
 def _is_cut_by_solids(product: Any) -> bool:
     """Say whether a body is made by booleans of solids alone; with half spaces the second kernel takes nothing off."""
     representation = body_representation(product)
-    if representation is None or getattr(product, "HasOpenings", ()):
+    if representation is None or getattr(product, "HasOpenings", None):
         return False
     items = list(representation.Items)
     booleans = False
