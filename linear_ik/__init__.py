@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from linear_ik.bending import Bend
+    from linear_ik.bim import read_design
     from linear_ik.chain import Chain
+    from linear_ik.design_model import DesignModel, LeftOut, MapConversion, Member, Obstacle
     from linear_ik.deviation import Deviations, deviations
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
@@ -49,8 +51,10 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "bending": ("Bend",),
+    "bim": ("read_design",),
     "chain": ("Chain",),
     "deviation": ("Deviations", "deviations"),
+    "design_model": ("DesignModel", "LeftOut", "MapConversion", "Member", "Obstacle"),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
@@ -90,13 +94,18 @@ __all__ = [
     "CircleHollow",
     "Conditions",
     "Deviations",
+    "DesignModel",
     "Element",
     "FitResult",
     "FitSettings",
     "IShape",
     "IterationRecord",
     "LShape",
+    "LeftOut",
     "LinearIkError",
+    "MapConversion",
+    "Member",
+    "Obstacle",
     "Placement",
     "PlacementTolerance",
     "Polygon",
@@ -117,6 +126,7 @@ __all__ = [
     "generate_urdf",
     "load_element",
     "load_tolerances",
+    "read_design",
     "read_result",
     "read_scan",
     "result_to_mapping",
