@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from linear_ik.exports.result_json import read_result, result_to_mapping, write_result
     from linear_ik.exports.scan_file import write_scan
     from linear_ik.fit import fit
+    from linear_ik.model_fit import ModelFit, ModelFitOptions, fit_model
     from linear_ik.profile import (
         Circle,
         CircleHollow,
@@ -56,6 +57,7 @@ _MODULES = {
     "exports.result_json": ("read_result", "result_to_mapping", "write_result"),
     "exports.scan_file": ("write_scan",),
     "fit": ("fit",),
+    "model_fit": ("ModelFit", "ModelFitOptions", "fit_model"),
     "profile": (
         "Circle",
         "CircleHollow",
@@ -91,6 +93,8 @@ __all__ = [
     "IterationRecord",
     "LShape",
     "LinearIkError",
+    "ModelFit",
+    "ModelFitOptions",
     "Placement",
     "PlacementTolerance",
     "Polygon",
@@ -107,6 +111,7 @@ __all__ = [
     "element_from_mapping",
     "element_to_mapping",
     "fit",
+    "fit_model",
     "generate_urdf",
     "load_element",
     "read_result",
