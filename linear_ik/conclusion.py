@@ -92,6 +92,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     return in_scan_coordinates(
         problem,
         settled.x,
+        S + np.outer(settled.still, settled.still),
         node_covariance,
         settings,
         log,
@@ -109,11 +110,12 @@ def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, lo
     """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
     x = problem.designed
     pose = problem.chain.pose(x)
-    _, node_covariance = covariance(problem, pose, known_terms(problem, x, pose, 1e-3), 1e-3)
+    S, node_covariance = covariance(problem, pose, known_terms(problem, x, pose, 1e-3), 1e-3)
     unseen = SegmentResult("not_scanned", 0, 0.0, float("nan"))
     return in_scan_coordinates(
         problem,
         x,
+        S,
         node_covariance,
         settings,
         log,
@@ -128,14 +130,34 @@ def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, lo
 
 
 def in_scan_coordinates(
-    problem: Problem, x: Array, node_covariance: Array, settings: FitSettings, log: Log, clock: Clock, **known: Any
+    problem: Problem,
+    x: Array,
+    S: Array,
+    node_covariance: Array,
+    settings: FitSettings,
+    log: Log,
+    clock: Clock,
+    **known: Any,
 ) -> FitResult:
-    """Return the result of a chain at ``x``, from the element's frame into the scan's."""
+    """Return the result of a chain at ``x``, from the element's frame into the scan's.
+
+    Args:
+        problem: what was fitted.
+        x: [6 + 3N] where it ended.
+        S: [6 + 3N][6 + 3N] covariance of the variables.
+        node_covariance: [N+1][3][3] what it makes of the nodes, element's frame.
+        settings: of the fit.
+        log: of the iterations.
+        clock: of the stages.
+        known: the other fields of the result.
+    """
     chain = problem.chain
     T = problem.element.placement.T_world_element
     R = T[:3, :3]
     # Shared by all points, so by all nodes: a translation of the whole. No verdict depends on it.
     shared_m2 = settings.systematic_error_m**2 * np.eye(3)
+    configuration = S.copy()
+    configuration[:3, :3] += shared_m2
     limits = np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)
     return FitResult(
         element=problem.element,
@@ -148,6 +170,7 @@ def in_scan_coordinates(
         history=tuple(log.records),
         settings=settings,
         timings_s=clock.timings(),
+        configuration_covariance=configuration,
         **known,
     )
 

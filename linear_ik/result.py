@@ -94,6 +94,10 @@ class FitResult:
         history: one IterationRecord an iteration.
         settings: the settings used.
         timings_s: wall time of each stage, and their sum as "total".
+        configuration_covariance: [6 + 3N][6 + 3N], 1 sigma, of what poses the chain together: the
+            base's translation x, y, z along the element's axes (m), its rotation z, y, x and then
+            ``q`` (rad). ``nodes_covariance_m2`` are its marginals; it also says how nodes vary
+            together, which differences between them need. None where a file does not have it.
     """
 
     element: Element
@@ -112,6 +116,7 @@ class FitResult:
     history: tuple[IterationRecord, ...]
     settings: FitSettings
     timings_s: dict[str, float] = field(default_factory=dict)
+    configuration_covariance: Array | None = None
 
     @property
     def iterations(self) -> int:

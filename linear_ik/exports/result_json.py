@@ -25,6 +25,8 @@ from linear_ik.settings import FitSettings
 
 SCHEMA = "linear_ik/result/1"
 PACKAGES = ("linear_ik", "numpy", "open3d", "open3d-cpu", "osqp", "pin", "qpsolvers")
+# 500 segments would take 50 MB, 100 take 2.
+MOST_WITH_COVARIANCE = 100
 EXPECTED = f'a result that linear_ik wrote, schema "{SCHEMA}"'
 
 Array = npt.NDArray[np.float64]
@@ -44,6 +46,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "iterations": result.iterations,
         "nodes_m": _plain(result.nodes_m),
         "nodes_covariance_m2": _plain(result.nodes_covariance_m2),
+        "configuration_covariance": _plain(_kept(result)),
         "q": _plain(result.q),
         "joint_angles_rad": _plain(result.joint_angles_rad),
         "joint_limits_rad": _plain(result.joint_limits_rad),
@@ -128,6 +131,8 @@ def result_from_mapping(mapping: object) -> FitResult:
     if len(segments) != n:
         raise ResultError("segments", f"{len(segments)} of them", f"the element's {n}")
     settings = _mapping("settings", _get(top, "settings"))
+    # Results of earlier versions have none.
+    joint = top.get("configuration_covariance")
     return FitResult(
         element=element,
         status=_one_of("status", _get(top, "status"), get_args(Status)),
@@ -147,6 +152,9 @@ def result_from_mapping(mapping: object) -> FitResult:
         timings_s={
             str(k): _number(f"timings_s.{k}", v) for k, v in _mapping("timings_s", _get(top, "timings_s")).items()
         },
+        configuration_covariance=None
+        if joint is None
+        else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
     )
 
 
@@ -162,6 +170,11 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def _kept(result: FitResult) -> Array | None:
+    """Return the covariance of the configuration, unless it would outgrow all else."""
+    return result.configuration_covariance if result.element.segments <= MOST_WITH_COVARIANCE else None
 
 
 def _dump(value: object) -> str:

@@ -1,0 +1,263 @@
+"""Deviation: how far the as-built member is from a straight one and from its design, with 95 % bands.
+
+Two ways to look at a member. *Relative to the chord*: the line between its working points, the
+first and the last node; what all nodes share, such as the error of the registration, cancels.
+*Against the design*: where it stands.
+
+Every figure but the twist is a sum over the nodes n_a of ``c_a e . n_a`` with a direction e, so
+its variance is ``sum_ab c_a c_b e' C_ab e`` with the covariance C_ab between nodes,
+``C = A S A'`` of the result's ``configuration_covariance`` S. A result without that one gets
+the largest deviation that the nodes' own covariances allow, ``sum_a |c_a| sqrt(e' C_aa e)``:
+wider, never too narrow.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.deviation_bands import Bands, twist_band_rad, twist_rad
+from linear_ik.errors import LinearIkError
+from linear_ik.profile import Circle, CircleHollow
+from linear_ik.result import FitResult
+
+Array = npt.NDArray[np.float64]
+
+VERTICAL_RAD = np.radians(10.0)  # of the design's chord: within it a member is a column
+UP = (0.0, 0.0, 1.0)
+LARGEST = "the largest of all nodes, with the band at that node: noise alone makes it more than 0"
+
+
+@dataclass(frozen=True)
+class Figure:
+    """One number to judge by.
+
+    Attributes:
+        value: metres, radians or 1/m as the name of its field says; None where it says nothing.
+        band: half-width of its 95 % band, same unit; None where the value is.
+        node: where it was found (a segment, from 1, for slopes), or None for the whole member.
+        note: why there is no value, or how to read it; may be empty.
+    """
+
+    value: float | None
+    band: float | None
+    node: int | None = None
+    note: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Curve:
+    """A figure along the member, in two axes.
+
+    Attributes:
+        s_m: [K] distance from the start along the chain.
+        xy: [K][2] values in local X and Y.
+        band: [K][2] half-widths of their 95 % bands, each by itself.
+    """
+
+    s_m: Array
+    xy: Array
+    band: Array
+
+
+@dataclass(frozen=True, eq=False)
+class Deviations:
+    """What became of a member. Metres and radians.
+
+    Local X and Y are the element's. Relative to the chord they are turned with it by the
+    smallest rotation that takes the designed direction to the fitted one. A member that was
+    designed curved is compared with its designed shape, laid on the fitted chord.
+
+    Attributes:
+        length_m: of the design, along its axis.
+        chord_m: between the working points as built.
+        vertical: whether the design's chord is within 10 degrees of the vertical.
+        joint: whether bands know how nodes vary together; else they are upper bounds.
+        offset_m: w(s), offset of each node from the chord.
+        departure_m: offset of each node from its designed place, across the designed axis.
+        slope_rad: of each segment against the chord, w'(s).
+        curvature_1_m: at each inner node, w''(s).
+        bow_m: largest offset from the chord, in any direction.
+        sag_m: largest vertical offset from the chord, downwards positive; not for verticals.
+        sweep_m: largest horizontal offset from the chord (without sign); not for verticals.
+        out_of_plumb_m: for verticals, horizontal offset of the end from the start, less the design's.
+        twist_rad: of the end's section against the start's, about the axis; not seen on round sections.
+        end_displacement_m: of the last node from its designed place, along the axis included.
+        departure_max_m: the largest of ``departure_m``, in any direction.
+        slope_max_rad: the largest of ``slope_rad``, in any direction.
+        curvature_max_1_m: the largest of ``curvature_1_m``, in any direction.
+        length_change_m: of the chord, against the design's.
+        straight_bow_m: a straight member, scanned alike, shows a bow below this in 95 % of scans;
+            None where nodes' joint covariance is not known.
+    """
+
+    length_m: float
+    chord_m: float
+    vertical: bool
+    joint: bool
+    offset_m: Curve
+    departure_m: Curve
+    slope_rad: Curve
+    curvature_1_m: Curve
+    bow_m: Figure
+    sag_m: Figure
+    sweep_m: Figure
+    out_of_plumb_m: Figure
+    twist_rad: Figure
+    end_displacement_m: Figure
+    departure_max_m: Figure
+    slope_max_rad: Figure
+    curvature_max_1_m: Figure
+    length_change_m: Figure
+    straight_bow_m: float | None
+
+
+def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviations:
+    """Return the deviations of a fitted member.
+
+    Bands are 1.96 standard deviations of the fit's covariance: they hold where the fit does, so
+    read the result's status first.
+
+    Args:
+        result: of a fit that found the element.
+        up: the vertical, in the scan's coordinates.
+
+    Raises:
+        LinearIkError: the element was not found; its ends coincide, so that there is no chord.
+    """
+    if result.status == "not_scanned":
+        raise LinearIkError("status", "not_scanned", "the result of an element that was found")
+    element, n = result.element, result.element.segments
+    T = element.placement.T_world_element
+    # In the element's frame: coordinates of a map would cost digits.
+    nodes = (result.nodes_m - T[:3, 3]) @ T[:3, :3]
+    designed, vertical = element.design.nodes_m, np.asarray(up, dtype=np.float64) @ T[:3, :3]
+    vertical = vertical / np.linalg.norm(vertical)
+    bands = Bands.of(result)
+    chord_m, designed_chord_m = (float(np.linalg.norm(p[-1] - p[0])) for p in (nodes, designed))
+    if min(chord_m, designed_chord_m) < 1e-3 * element.length_m:
+        raise LinearIkError(element.name, "its ends coincide", "a member with a chord")
+    chord, designed_chord = (nodes[-1] - nodes[0]) / chord_m, (designed[-1] - designed[0]) / designed_chord_m
+    designed_axes = _turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
+    axes = designed_axes @ _turn(designed_chord, chord).T  # [2][3] X and Y across the chord
+    s_m = element.segment_length_m * np.arange(n + 1, dtype=np.float64)
+
+    share = (nodes - nodes[0]) @ chord / chord_m
+    relative = np.eye(n + 1)  # n_k - n_0 - share_k (n_N - n_0)
+    relative[:, 0] -= 1.0 - share
+    relative[:, -1] -= share
+    offset = (nodes - nodes[0]) @ axes.T - (designed - designed[0]) @ designed_axes.T
+    step = np.diff(np.eye(n + 1), axis=0) / element.segment_length_m
+    bend = np.diff(step, axis=0) / element.segment_length_m
+    slope, curvature = step @ offset, bend @ offset
+    sections = np.concatenate([element.design.rotations, element.design.rotations[-1:]])[:, :, :2].transpose(0, 2, 1)
+    departure = np.einsum("kij,kj->ki", sections, nodes - designed)
+
+    is_vertical = bool(abs(designed_chord @ vertical) > np.cos(VERTICAL_RAD))
+    ends = np.zeros((1, n + 1))
+    ends[0, 0], ends[0, -1] = -1.0, 1.0
+    last = np.zeros((1, n + 1))
+    last[0, -1] = 1.0
+    lean = (nodes[-1] - nodes[0]) - (designed[-1] - designed[0])
+    lean = lean - (lean @ vertical) * vertical
+    no_plumb = Figure(None, None, None, "not near vertical by design")
+    slopes = step @ relative
+    twist = twist_rad(result.q) - twist_rad(element.design.angles_rad[:, ::-1].ravel())
+    sag, sweep = _sag_and_sweep(bands, relative, offset @ axes, chord, vertical, is_vertical)
+    return Deviations(
+        length_m=element.length_m,
+        chord_m=chord_m,
+        vertical=is_vertical,
+        joint=bands.joint is not None,
+        offset_m=Curve(s_m, offset, _both(bands, relative, axes)),
+        departure_m=Curve(
+            s_m, departure, np.stack([bands.of_rows(np.eye(n + 1), sections[:, i]) for i in (0, 1)], axis=-1)
+        ),
+        slope_rad=Curve((s_m[1:] + s_m[:-1]) / 2, slope, _both(bands, slopes, axes)),
+        curvature_1_m=Curve(s_m[1:-1], curvature, _both(bands, bend @ relative, axes)),
+        bow_m=_largest(bands, relative, offset @ axes, axes, LARGEST),
+        sag_m=sag,
+        sweep_m=sweep,
+        out_of_plumb_m=_length(bands, ends, lean, _across(vertical)) if is_vertical else no_plumb,
+        twist_rad=_twist(result, twist),
+        end_displacement_m=_length(bands, last, nodes[-1] - designed[-1], np.eye(3), node=n),
+        departure_max_m=_largest(
+            bands, np.eye(n + 1), np.einsum("kij,ki->kj", sections, departure), sections[0], LARGEST
+        ),
+        slope_max_rad=_largest(bands, slopes, slope @ axes, axes, LARGEST.replace("node", "segment"), first=1),
+        curvature_max_1_m=_largest(bands, bend @ relative, curvature @ axes, axes, LARGEST, first=1),
+        length_change_m=Figure(
+            chord_m - designed_chord_m,
+            float(bands.of_rows(ends, chord[None])[0]),
+            None,
+            "of the chord; the length along the axis is taken from the design",
+        ),
+        straight_bow_m=bands.largest_of_none(relative, axes),
+    )
+
+
+def _sag_and_sweep(
+    bands: Bands, relative: Array, offset: Array, chord: Array, vertical: Array, is_vertical: bool
+) -> tuple[Figure, Figure]:
+    """Return both figures of the offsets [N+1][3] from the chord."""
+    if is_vertical:
+        none = Figure(None, None, None, "near vertical by design: see bow and plumb")
+        return none, none
+    up = vertical - (vertical @ chord) * chord
+    up /= np.linalg.norm(up)
+    sag = _largest(bands, relative, (offset @ up)[:, None] * up, up[None], LARGEST)
+    side = np.cross(chord, up)
+    sweep = _largest(bands, relative, (offset @ side)[:, None] * side, side[None], LARGEST)
+    return sag if sag.node is None else replace(sag, value=-float(offset[sag.node] @ up)), sweep
+
+
+def _twist(result: FitResult, twist: float) -> Figure:
+    if isinstance(result.element.profile, (Circle, CircleHollow)):
+        return Figure(None, None, None, "a round section does not show its twist")
+    if result.element.segments == 1:
+        return Figure(None, None, None, "one segment cannot twist")
+    if result.configuration_covariance is None:
+        return Figure(None, None, None, "the result does not say how its joints vary together")
+    return Figure(twist, twist_band_rad(result.q, result.configuration_covariance))
+
+
+def _both(bands: Bands, rows: Array, axes: Array) -> Array:
+    """Return the half-widths [K][2] of rows of coefficients along both axes."""
+    return np.stack([bands.of_rows(rows, np.tile(axis, (len(rows), 1))) for axis in axes], axis=-1)
+
+
+def _largest(bands: Bands, rows: Array, vectors: Array, axes: Array, note: str, first: int = 0) -> Figure:
+    """Return the longest of the vectors [K][3], found at number k + ``first``."""
+    # Ends have no offset from their own chord: not a figure, and no band.
+    free = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > 1e-9)
+    if not len(free):
+        return Figure(None, None, None, "one segment cannot bend")
+    k = int(free[np.linalg.norm(vectors[free], axis=1).argmax()])
+    return _length(bands, rows[k : k + 1], vectors[k], axes, k + first, note)
+
+
+def _length(bands: Bands, row: Array, vector: Array, axes: Array, node: int | None = None, note: str = "") -> Figure:
+    """Return the length of a vector with its band along it; of none, the widest along the axes [A][3]."""
+    length = float(np.linalg.norm(vector))
+    directions = (vector / length)[None] if length > 0 else axes
+    band = max(float(bands.of_rows(row, direction[None])[0]) for direction in directions)
+    return Figure(length, band, node, note)
+
+
+def _turn(start: Array, end: Array) -> Array:
+    """Return the smallest rotation [3][3] from one unit vector to another."""
+    cosine, axis = float(start @ end), np.cross(start, end)
+    if cosine < -1.0 + 1e-12:
+        side = _across(start)[0]
+        return np.asarray(2.0 * np.outer(side, side) - np.eye(3))
+    K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
+    return np.asarray(np.eye(3) + K + K @ K / (1.0 + cosine))
+
+
+def _across(direction: Array) -> Array:
+    """Return two unit vectors [2][3] across a direction."""
+    first = np.cross(direction, np.eye(3)[int(np.abs(direction).argmin())])
+    first /= np.linalg.norm(first)
+    return np.array([first, np.cross(direction, first)])
