@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.atomic import write_atomically
+from linear_ik.deviation import Figure, deviations
 from linear_ik.model_fit.fits import Row
 from linear_ik.result import FitResult
 
@@ -42,6 +43,12 @@ COLUMNS = (
     "along_axis_band95_mm",
     "bow_mm",
     "bow_band95_mm",
+    "sag_mm",
+    "sag_band95_mm",
+    "sweep_mm",
+    "sweep_band95_mm",
+    "out_of_plumb_mm",
+    "out_of_plumb_band95_mm",
     "surface_rmse_mm",
     "range_noise_mm",
 )
@@ -51,7 +58,8 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
     """Write the table as CSV (RFC 4180, UTF-8).
 
     Offsets are across the designed axis, of the nodes; the shift along it stands apart,
-    because surfaces hardly show it. Bow is the largest offset from the chord between the ends.
+    because surfaces hardly show it. Bow, sag (downwards) and sweep (sideways) are offsets from
+    the chord between the ends, see `deviation`.
 
     Raises:
         OutputError: it cannot be written.
@@ -102,7 +110,7 @@ def figures(result: FitResult) -> dict[str, float]:
     k = int(size.argmax())
     middle = len(along) // 2
     along_sd = math.sqrt(max(float(tangents[middle] @ result.nodes_covariance_m2[middle] @ tangents[middle]), 0.0))
-    bow, bow_band = _bow(result)
+    shape = deviations(result)
     return {
         "max_offset_mm": 1e3 * size[k],
         "max_offset_band95_mm": 1e3 * band[k],
@@ -113,8 +121,10 @@ def figures(result: FitResult) -> dict[str, float]:
         "end_offset_band95_mm": 1e3 * band[-1],
         "along_axis_mm": 1e3 * along[middle],
         "along_axis_band95_mm": 1e3 * BAND_95 * along_sd,
-        "bow_mm": 1e3 * bow,
-        "bow_band95_mm": 1e3 * bow_band,
+        **_figure("bow", shape.bow_m),
+        **_figure("sag", shape.sag_m),
+        **_figure("sweep", shape.sweep_m),
+        **_figure("out_of_plumb", shape.out_of_plumb_m),
         "surface_rmse_mm": 1e3 * result.surface_rmse_m,
         "range_noise_mm": 1e3 * result.range_noise_m,
     }
@@ -129,25 +139,11 @@ def _lengths(vectors: Array, covariance: Array) -> tuple[Array, Array]:
     return size, BAND_95 * np.sqrt(np.maximum(variance, 0.0))
 
 
-def _bow(result: FitResult) -> tuple[float, float]:
-    """Return the largest offset of the fitted nodes from the chord, less the design's own, and its 95 % band.
-
-    The nodes' errors are taken as independent of each other, which makes the band wider than it is.
-    """
-    element = result.element
-    offsets, weights = [], np.empty(0)
-    designed = element.design.nodes_m
-    T = element.placement.T_world_element
-    for nodes in (result.nodes_m, designed @ T[:3, :3].T + T[:3, 3]):
-        chord = nodes[-1] - nodes[0]
-        squared = float(chord @ chord)
-        weights = (nodes - nodes[0]) @ chord / squared
-        offsets.append(nodes - nodes[0] - weights[:, None] * chord)
-    off = offsets[0] - offsets[1]
-    C, w = result.nodes_covariance_m2, weights[:, None, None]
-    size, band = _lengths(off, C + (1 - w) ** 2 * C[:1] + w**2 * C[-1:])
-    k = int(size.argmax())
-    return float(size[k]), float(band[k])
+def _figure(name: str, figure: Figure) -> dict[str, float]:
+    """Return a figure in metres as two columns; NaN where it says nothing."""
+    value = math.nan if figure.value is None else 1e3 * figure.value
+    band = math.nan if figure.band is None else 1e3 * figure.band
+    return {f"{name}_mm": value, f"{name}_band95_mm": band}
 
 
 def _number(value: float) -> str:

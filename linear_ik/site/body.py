@@ -60,7 +60,7 @@ class Body:
         return Pose(np.ascontiguousarray(T[:, :3, :3]), nodes, np.empty((6, 0)))
 
     def may_touch(self, points: Array, margin_m: float) -> Index:
-        """Return the rows of points [P][3] in the box about the body, grown by ``margin_m``: no others are that near."""
+        """Return the rows of points [P][3] in the body's box grown by ``margin_m``: no others are that near."""
         nodes, reach_m = self._pose.nodes_m, self._matcher.surface.reach_m + margin_m
         local = (points - self.T_world_base[:3, 3]) @ self.T_world_base[:3, :3]
         low, high = nodes.min(axis=0) - reach_m, nodes.max(axis=0) + reach_m
