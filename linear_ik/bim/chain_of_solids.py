@@ -24,7 +24,9 @@ def joined(sweeps: list[Sweep]) -> Sweep | None:
     profile = sweeps[0].profile
     if any(not _same(profile, s.profile) for s in sweeps[1:]):
         return None
-    ends = [(s.T_product_start[:3, 3], s.T_product_start[:3, 3] + s.length_m * s.T_product_start[:3, 2]) for s in sweeps]
+    ends = [
+        (s.T_product_start[:3, 3], s.T_product_start[:3, 3] + s.length_m * s.T_product_start[:3, 2]) for s in sweeps
+    ]
     gap = GAP * float(np.ptp(profile.outline(), axis=0).max())
     points = [ends[0][0]]
     for (_, end), (start, _) in zip(ends[:-1], ends[1:], strict=True):

@@ -125,9 +125,7 @@ class MemberReader:
 
     def _from_mesh(self, body: Body) -> tuple[Sweep | None, str]:
         try:
-            sweep = sweep_of_mesh(
-                body.vertices_m, body.triangles, self.profiles, self.slenderness, self.tolerance_m
-            )
+            sweep = sweep_of_mesh(body.vertices_m, body.triangles, self.profiles, self.slenderness, self.tolerance_m)
         except (DesignError, ElementError) as error:
             return None, f"{error.subject} {error.what}"
         if not self._slender(sweep):

@@ -108,10 +108,7 @@ class _Walk:
         turned = 0.0
         # A quarter circle at a time: the arcs at the ends of a side that both turn left are two.
         while (
-            i < len(self.corners)
-            and self.soft[i]
-            and self.turns[i] * sign > 0
-            and abs(turned) < np.pi / 2 - RIGHT_RAD
+            i < len(self.corners) and self.soft[i] and self.turns[i] * sign > 0 and abs(turned) < np.pi / 2 - RIGHT_RAD
         ):
             turned += float(self.turns[i])
             i += 1

@@ -53,8 +53,10 @@ class SweepReader:
     def _extruded(self, solid: Solid) -> Sweep:
         item = solid.item
         A = solid.T_product_item @ placement_m(item.Position, self.unit_m)
-        along = A[:3, :3] @ np.array(item.ExtrudedDirection.DirectionRatios) / np.linalg.norm(
-            item.ExtrudedDirection.DirectionRatios
+        along = (
+            A[:3, :3]
+            @ np.array(item.ExtrudedDirection.DirectionRatios)
+            / np.linalg.norm(item.ExtrudedDirection.DirectionRatios)
         )
         along *= item.Depth * self.unit_m
         if not np.linalg.norm(along) > 0:

@@ -49,7 +49,7 @@ class Building:
     size_m: Array
 
 
-def building(bays_x: int = 2, bays_y: int = 1, storeys: int = 2, pipes: int = 3, seed: int = 1) -> Building:
+def building(bays_x: int = 2, bays_y: int = 1, storeys: int = 2, pipes: int = 4, seed: int = 1) -> Building:
     """Return a frame of bays of 6 x 5 m and storeys of 3.6 m, ``pipes`` pipes along x below each storey's beams.
 
     Beams end at end plates before the columns' flanges, or run between them to the web
@@ -82,14 +82,14 @@ def building(bays_x: int = 2, bays_y: int = 1, storeys: int = 2, pipes: int = 3,
 
 
 def bays_for(elements: int) -> tuple[int, int, int]:
-    """Return bays in x and y and storeys of a building of at least so many elements, with three pipes a bay."""
+    """Return bays in x and y and storeys of a building of at least so many elements, with four pipes a bay."""
     n, storeys = 1, 2
     while count(bays := (n, max(1, n // 2), storeys)) < elements:
         n += 1
     return bays
 
 
-def count(bays: tuple[int, int, int], pipes: int = 3) -> int:
+def count(bays: tuple[int, int, int], pipes: int = 4) -> int:
     """Return how many members a building has."""
     x, y, storeys = bays
     return storeys * ((x + 1) * (y + 1) + x * (y + 1) + y * (x + 1) + pipes * x)
