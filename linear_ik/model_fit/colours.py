@@ -132,6 +132,9 @@ def _belonging(
             if i not in found:
                 continue
             rows = pairs.row[start:end]
+            rows = rows[fitted[i].may_touch(points[rows], gate[i])]
+            if not len(rows):
+                continue
             _, distance, _ = fitted[i].distances(points[rows])
             nearer = (distance <= gate[i]) & (distance < best[rows])
             best[rows[nearer]], owner[rows[nearer]] = distance[nearer], i

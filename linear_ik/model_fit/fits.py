@@ -90,6 +90,7 @@ class Fits:
             mesh = hashlib.sha256(near.vertices_m.tobytes()).hexdigest()
             self.inputs[member.guid] = fingerprint(element_to_mapping(member.element), mesh, self._reach[i], common)
         self._handout_inputs = fingerprint(list(self.inputs.values()))
+        self._scan_inputs = fingerprint(scans, T, [element_to_mapping(m.element) for m in members], self._reach)
         self._results: dict[str, FitResult] = {}
         self._facts: dict[str, Facts] = {member.guid: {} for member in members}
         self._failures: dict[str, str] = {}
@@ -125,8 +126,10 @@ class Fits:
             if known is not None:
                 self._results[member.guid], self._facts[member.guid] = light(known[0]), known[1]
         if all(m.guid in self._results for m in self.members) and not self._open_contests():
+            self.extent = self.folder.scan_extent(self._scan_inputs)
             return
         self._hand_out(pieces, listener)
+        self.folder.keep_scan_extent(self._scan_inputs, self.extent)
 
     def first(self, pool: Pool, listener: Listener) -> None:
         """Fit every member that is not known."""

@@ -142,6 +142,18 @@ class RunFolder:
         for path in (self._state_path(guid), self._first_path(guid), self.element_path(guid)):
             path.unlink(missing_ok=True)
 
+    def scan_extent(self, inputs: str) -> dict[str, Any]:
+        """Return what an earlier run read of the same scan for the same elements; empty when it is not known."""
+        try:
+            kept = json.loads((self.path / STATE / "scan.extent").read_text(encoding="utf-8"))
+            return dict(kept["extent"]) if kept["inputs"] == inputs else {}
+        except (OSError, ValueError, KeyError, TypeError):
+            return {}
+
+    def keep_scan_extent(self, inputs: str, extent: dict[str, Any]) -> None:
+        """Keep what was read of the scan."""
+        write_atomically(self.path / STATE / "scan.extent", json.dumps({"inputs": inputs, "extent": extent}) + "\n")
+
     def new_scratch(self) -> Path:
         """Return an empty folder for points."""
         shutil.rmtree(self.scratch, ignore_errors=True)

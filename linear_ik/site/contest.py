@@ -59,6 +59,8 @@ class Claimant:
         """Return what it costs this element to explain points [P][3]; inf for those it does not claim."""
         out = np.full(len(points), np.inf)
         near = self.body.may_touch(points, CLAIM_M)
+        if not len(near):
+            return out
         _, distance, segment = self.body.distances(points[near])
         cost = (distance / DISTANCE_SCALE_M) ** 2 + (self.moved_m[segment] / MOVED_SCALE_M) ** 2
         out[near] = np.where((distance <= CLAIM_M) & self.claims[segment], cost, np.inf)
