@@ -59,7 +59,7 @@ class Cluster:
         """
         waiting = iter(tasks)
         running: dict[Any, str] = {}
-        ended = self._distributed.as_completed()
+        ended = self._distributed.as_completed(loop=self._client.loop)
         while True:
             room = TASKS_A_THREAD * max(1, sum(self._client.nthreads().values())) - len(running)
             for _ in range(max(0, room)):

@@ -17,6 +17,7 @@ from multiprocessing import connection, get_context, parent_process
 from typing import Protocol
 
 from linear_ik.model_fit.tasks import Outcome, Task, run_task
+from linear_ik.quick_open3d import defer_plots
 
 # Read by BLAS and OpenMP when they are loaded: processes that share cores must not each use all of them.
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
@@ -122,7 +123,8 @@ def one_thread_each() -> Iterator[None]:
 
 
 def prepare_worker() -> None:
-    """Leave Ctrl-C to the parent, and end when it does, however it ends."""
+    """Start quickly, leave Ctrl-C to the parent, and end when it does, however it ends."""
+    defer_plots()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
     threading.Thread(target=_end_with_parent, daemon=True).start()
 
