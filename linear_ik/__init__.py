@@ -13,7 +13,9 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from linear_ik.bending import Bend
+    from linear_ik.bim import read_design
     from linear_ik.chain import Chain
+    from linear_ik.design_model import DesignModel, LeftOut, MapConversion, Member, Obstacle
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
@@ -48,7 +50,9 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "bending": ("Bend",),
+    "bim": ("read_design",),
     "chain": ("Chain",),
+    "design_model": ("DesignModel", "LeftOut", "MapConversion", "Member", "Obstacle"),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
@@ -86,15 +90,20 @@ __all__ = [
     "Chain",
     "Circle",
     "CircleHollow",
+    "DesignModel",
     "Element",
     "FitResult",
     "FitSettings",
     "IShape",
     "IterationRecord",
     "LShape",
+    "LeftOut",
     "LinearIkError",
+    "MapConversion",
+    "Member",
     "ModelFit",
     "ModelFitOptions",
+    "Obstacle",
     "Placement",
     "PlacementTolerance",
     "Polygon",
@@ -114,6 +123,7 @@ __all__ = [
     "fit_model",
     "generate_urdf",
     "load_element",
+    "read_design",
     "read_result",
     "read_scan",
     "result_to_mapping",

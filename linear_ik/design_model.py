@@ -28,6 +28,7 @@ class Member:
         tag: the mark that drawings use (IFC's Tag, else the Name); may be empty.
         profile_name: such as HEB340; may be empty.
         element: the design in the model's coordinates, metres.
+        remark: a plain sentence on what of the body is not in the element; empty where nothing is.
     """
 
     guid: str
@@ -36,6 +37,7 @@ class Member:
     tag: str
     profile_name: str
     element: Element
+    remark: str = ""
 
 
 @dataclass(frozen=True)

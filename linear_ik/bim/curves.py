@@ -42,14 +42,14 @@ def directrix(disk: Any, unit_m: float) -> Array:
     """Return the line [P][3] that an IfcSweptDiskSolid follows, in metres.
 
     Raises:
-        DesignError: it is trimmed by parameters of a curve that has none of its own, or is not one run.
+        DesignError: it is not one run, or is trimmed beyond its ends.
     """
     from linear_ik.bim.tessellation import curve_points
 
     curve = disk.Directrix
     if curve.is_a("IfcPolyline"):
         points = _distinct(np.array([_xyz(p.Coordinates) for p in curve.Points]) * unit_m)
-        whole = len(curve.Points) - 1
+        whole: int | None = len(curve.Points) - 1
     elif curve.is_a("IfcIndexedPolyCurve"):
         points, whole = _indexed(curve, unit_m)
     else:
@@ -136,7 +136,7 @@ def _steps(radius_m: float, angle_rad: float) -> int:
 
 
 def _distinct(points: Array) -> Array:
-    return points[np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6)]
+    return np.asarray(points[np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-6)])
 
 
 def _xyz(coordinates: Any) -> tuple[float, float, float]:

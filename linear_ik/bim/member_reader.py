@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from linear_ik.bim.body_check import Agreement, agreement, stood
 from linear_ik.bim.chain_of_solids import joined
-from linear_ik.bim.mesh_sweep import sweep_of_mesh
+from linear_ik.bim.mesh_sweep import box_sides, shape, sweep_of_mesh
 from linear_ik.bim.profiles import ProfileReader
 from linear_ik.bim.solids import Solid, body_representation, solids_of
 from linear_ik.bim.sweep import Sweep, into, out_of
@@ -20,8 +20,6 @@ from linear_ik.errors import DesignError, ElementError
 
 Array = npt.NDArray[np.float64]
 
-FLAT = 1 / 3  # of both other sides: a plate
-
 
 @dataclass(frozen=True, eq=False)
 class Reading:
@@ -30,11 +28,13 @@ class Reading:
     Attributes:
         sweep: the element, or None.
         reason: why there is none.
+        remark: what a person should know of a sweep that is not all of the body.
         solid: the IFC item that it was read from, where it was.
     """
 
     sweep: Sweep | None
     reason: str = ""
+    remark: str = ""
     solid: Any = None
 
 
@@ -80,15 +80,19 @@ class MemberReader:
             if self._agrees(found):
                 if self._slender(written):
                     return Reading(written, solid=solid.item)
-                reason = _shape(written, body.vertices_m)
+                sides = box_sides(into(written.T_product_start, body.vertices_m))
+                reason = f"it is {shape(sides)}"
+                if sides[1] < self.slenderness * max(sides[0], sides[2]):
+                    # Nor is it a bar that was drawn from the side.
+                    return Reading(None, reason, solid=solid.item)
             else:
                 reason = _difference(found)
-        cut, why = self._from_mesh(body)
-        if cut is not None:
-            return Reading(cut, solid=solid.item)
+        cut = self._from_mesh(body, solid.item)
+        if cut.sweep is not None and not cut.remark:
+            return cut
         if written is not None and self._slender(written) and self._holds(agreement(written, body.vertices_m)):
             return Reading(written, solid=solid.item)
-        return Reading(None, reason or why, solid.item)
+        return cut if cut.sweep is not None else Reading(None, reason or cut.reason, solid=solid.item)
 
     def _several(self, solids: list[Solid], body: Body) -> Reading:
         """Read a body of several solids: pieces one behind the other, or one that the others are fixed to."""
@@ -104,17 +108,19 @@ class MemberReader:
         chain = joined([sweep for sweep, _ in written]) if len(written) == len(solids) else None
         if chain is not None and self._slender(chain) and self._holds(agreement(chain, body.vertices_m)):
             return Reading(chain, solid=written[0][1])
-        cut, why = self._from_mesh(body)
-        if cut is not None:
-            return Reading(cut, solid=solids[0].item)
+        cut = self._from_mesh(body, solids[0].item)
+        if cut.sweep is not None and not cut.remark:
+            return cut
         slender = [(sweep, item) for sweep, item in written if self._slender(sweep)]
         if slender:
             sweep, item = max(slender, key=lambda one: one[0].length_m * _area(one[0]))
             # The member is what runs from end to end; what is fixed to it is short.
             extent = np.ptp(into(sweep.T_product_start, body.vertices_m)[:, 2])
             if sweep.axis_m is not None or sweep.length_m > 0.8 * extent:
-                return Reading(sweep, solid=item)
-        return Reading(None, f"it is made of {len(solids)} solids, and {why}", solids[0].item)
+                return Reading(sweep, remark=f"read from one of the {len(solids)} solids of its body", solid=item)
+        if cut.sweep is not None:
+            return cut
+        return Reading(None, f"it is made of {len(solids)} solids, and {cut.reason}", solid=solids[0].item)
 
     def _written(self, solid: Solid, vertices: Array) -> tuple[Sweep | None, str]:
         try:
@@ -123,15 +129,20 @@ class MemberReader:
         except (DesignError, ElementError) as error:
             return None, f"{error.subject} {error.what}"
 
-    def _from_mesh(self, body: Body) -> tuple[Sweep | None, str]:
+    def _from_mesh(self, body: Body, item: Any) -> Reading:
         try:
             sweep = sweep_of_mesh(body.vertices_m, body.triangles, self.profiles, self.slenderness, self.tolerance_m)
         except (DesignError, ElementError) as error:
-            return None, f"{error.subject} {error.what}"
+            return Reading(None, f"{error.subject} {error.what}", solid=item)
         if not self._slender(sweep):
-            return None, _shape(sweep, body.vertices_m)
+            return Reading(None, f"it is {shape(box_sides(into(sweep.T_product_start, body.vertices_m)))}", solid=item)
         found = agreement(sweep, body.vertices_m)
-        return (sweep, "") if self._agrees(found) else (None, _difference(found))
+        if self._agrees(found):
+            return Reading(sweep, solid=item)
+        # A corbel or an end plate belongs to the body, not to the section that most of it has.
+        if sweep.axis_m is None and sweep.profile_end is None:
+            return Reading(sweep, remark=_difference(found), solid=item)
+        return Reading(None, _difference(found), solid=item)
 
     def _agrees(self, found: Agreement) -> bool:
         return self._holds(found) and found.short_m <= self.tolerance_m
@@ -145,13 +156,6 @@ class MemberReader:
 
 def _area(sweep: Sweep) -> float:
     return float(np.prod(np.ptp(sweep.profile.outline(), axis=0)))
-
-
-def _shape(sweep: Sweep, vertices: Array) -> str:
-    """Return what a body that is not slender is."""
-    sides = np.sort([*np.ptp(into(sweep.T_product_start, vertices), axis=0)])[::-1]
-    kind = "a plate" if sides[2] < FLAT * sides[1] else "a stub"
-    return f"it is {kind}, not linear: " + " x ".join(f"{1000 * side:.0f}" for side in sides) + " mm"
 
 
 def _difference(found: Agreement) -> str:

@@ -14,6 +14,8 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Triangles = npt.NDArray[np.int64]
 
+LEAST_AREA_M2 = 1e-8
+
 
 @dataclass(frozen=True, eq=False)
 class Section:
@@ -22,14 +24,12 @@ class Section:
     Attributes:
         z_m: where.
         outline: [V][2] outer outline.
-        holes: inner outlines.
-        area_m2: of the material.
+        holes: inner outlines; a mesh with gaps may show one where none is.
     """
 
     z_m: float
     outline: Array
     holes: tuple[Array, ...]
-    area_m2: float
 
 
 def cut(vertices: Array, triangles: Triangles, z_m: float) -> list[Section]:
@@ -52,17 +52,23 @@ def cut(vertices: Array, triangles: Triangles, z_m: float) -> list[Section]:
     ends = [_crossing(vertices, alone, crossing[rows, (odd + k) % 3], z_m) for k in (1, 2)]
     lines = shapely.linestrings(np.stack(ends, axis=1))
     # Noding makes faces of meshes too whose triangles don't quite meet or lie on each other.
-    faces = shapely.polygonize([shapely.unary_union(shapely.set_precision(lines, 1e-7))]).geoms
-    solid = [face for face in faces if _inside(vertices, triangles, face, z_m)]
-    whole = shapely.unary_union(solid)
+    faces = list(shapely.polygonize([shapely.unary_union(shapely.set_precision(lines, 1e-7))]).geoms)
+    whole = shapely.unary_union(faces)
     pieces = [whole] if whole.geom_type == "Polygon" else list(getattr(whole, "geoms", []))
-    found = [_section(piece, z_m) for piece in pieces if piece.geom_type == "Polygon" and piece.area > 1e-8]
-    return sorted(found, key=lambda section: -section.area_m2)
+    pieces = [shapely.Polygon(p.exterior) for p in pieces if p.geom_type == "Polygon" and p.area > LEAST_AREA_M2]
+    pieces.sort(key=lambda piece: -piece.area)
+    # With one face there is nothing inside another.
+    empty = [f for f in faces if not _inside(vertices, triangles, f, z_m)] if len(faces) > len(pieces) else []
+    return [_section(piece, empty, z_m) for piece in pieces]
 
 
-def _section(polygon: shapely.Polygon, z_m: float) -> Section:
-    holes = tuple(np.array(ring.coords)[:-1] for ring in polygon.interiors)
-    return Section(z_m, np.array(polygon.exterior.coords)[:-1], holes, float(polygon.area))
+def _section(piece: shapely.Polygon, empty: list[shapely.Polygon], z_m: float) -> Section:
+    import shapely
+
+    holes = shapely.unary_union([face for face in empty if piece.contains(shapely.point_on_surface(face))])
+    rings = [holes] if holes.geom_type == "Polygon" else list(getattr(holes, "geoms", []))
+    inner = tuple(np.array(ring.exterior.coords)[:-1] for ring in rings if ring.area > LEAST_AREA_M2)
+    return Section(z_m, np.array(piece.exterior.coords)[:-1], inner)
 
 
 def _crossing(vertices: Array, a: npt.NDArray[np.int64], b: npt.NDArray[np.int64], z_m: float) -> Array:

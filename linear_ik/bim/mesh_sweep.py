@@ -1,10 +1,13 @@
 """Meshes and Breps -> Sweep: the direction that runs through the body, and its section where it is cut.
 
 A body is taken for linear when most cuts across its longest direction show one and the same
-section, or sections whose corners lie on straight lines; notches and copes may spoil a few.
+section, or sections whose corners lie on straight lines, or the same section shifted along a
+gentle curve; notches and copes may spoil a few.
 """
 
 from __future__ import annotations
+
+from dataclasses import replace
 
 import numpy as np
 import numpy.typing as npt
@@ -22,10 +25,13 @@ Array = npt.NDArray[np.float64]
 Triangles = npt.NDArray[np.int64]
 
 CUTS = 11
+CURVE_CUTS = 41
 FROM, TO = 0.04, 0.96  # of the length
-SHARE = 0.5  # of the cuts that show the section
+SHARE = 0.6  # of the cuts that show the section
 PARALLEL = np.cos(np.radians(2.0))
+EXACTLY = np.cos(np.radians(0.05))
 CANDIDATES = 3
+FLAT = 1 / 3  # of both other sides: a plate
 
 
 def sweep_of_mesh(
@@ -43,18 +49,36 @@ def sweep_of_mesh(
     Raises:
         DesignError: said of the body: not slender, or its section changes along it.
     """
-    reason = DesignError("its body", "has no direction that it is long in")
+    reason: DesignError | None = None
     for direction in directions(vertices, triangles):
         T = line_frame(np.zeros(3), direction, _side(direction))
         local = into(T, vertices)
-        low, high = local.min(axis=0), local.max(axis=0)
-        if high[2] - low[2] < slenderness * _least_side(local):
+        sides = box_sides(local)
+        if sides[0] < slenderness * sides[1]:
+            reason = reason or DesignError("it", f"is {shape(sides)}")
             continue
         try:
             return _cut_along(T, local, triangles, profiles, tolerance_m)
         except (DesignError, ElementError) as error:
             reason = DesignError("its body", error.what)
-    raise reason
+    raise reason or DesignError("its body", "has no edge")
+
+
+def shape(sides: Array) -> str:
+    """Say what a body of these sides [3] is that is not slender."""
+    long, middle, short = np.sort(sides)[::-1]
+    kind = "a plate" if short < FLAT * middle else "a stub"
+    return f"{kind}, not linear: {1000 * long:.0f} x {1000 * middle:.0f} x {1000 * short:.0f} mm"
+
+
+def box_sides(local: Array) -> Array:
+    """Return the length of a body [V][3] along Z, and the sides of the smallest rectangle around it, seen along Z."""
+    import shapely
+
+    box = shapely.minimum_rotated_rectangle(shapely.multipoints(local[:, :2]))
+    corners = np.array(box.exterior.coords) if box.geom_type == "Polygon" else local[:3, :2]
+    sides = np.sort(np.linalg.norm(np.diff(corners[:3], axis=0), axis=1))[::-1]
+    return np.array([np.ptp(local[:, 2]), *sides])
 
 
 def directions(vertices: Array, triangles: Triangles) -> list[Array]:
@@ -84,7 +108,10 @@ def directions(vertices: Array, triangles: Triangles) -> list[Array]:
         cosines = units[left] @ lead
         same = np.abs(cosines) > PARALLEL
         rows = left[same]
-        mean = (units[rows] * (np.sign(cosines[same]) * lengths[rows])[:, None]).sum(axis=0)
+        # Edges of other parts run nearly so; those of a taper lean to all sides.
+        tight = np.abs(cosines[same]) > EXACTLY
+        some = tight if lengths[rows[tight]].sum() > 0.5 * lengths[rows].sum() else np.ones(len(rows), dtype=bool)
+        mean = (units[rows[some]] * (np.sign(cosines[same][some]) * lengths[rows[some]])[:, None]).sum(axis=0)
         found.append((float(lengths[rows].sum()), _upright(mean / np.linalg.norm(mean))))
         left = left[~same]
     found.sort(key=lambda one: -one[0])
@@ -93,16 +120,56 @@ def directions(vertices: Array, triangles: Triangles) -> list[Array]:
 
 def _cut_along(T: Array, local: Array, triangles: Triangles, profiles: ProfileReader, tolerance_m: float) -> Sweep:
     low, high = float(local[:, 2].min()), float(local[:, 2].max())
-    shares = np.linspace(FROM, TO, CUTS) + 1.37e-4  # away from the round numbers where vertices are
-    cuts = [cut(local, triangles, low + share * (high - low)) for share in shares]
-    single = [pieces[0] for pieces in cuts if len(pieces) == 1]
+    single = _cuts(local, triangles, low, high, CUTS)
     if len(single) < SHARE * CUTS:
         raise DesignError("its body", "is cut into several pieces across its length")
     group = max((_alike(single, one, tolerance_m) for one in single), key=len)
     if len(group) >= SHARE * CUTS:
         placed = profiles.drawn(group[0].outline, group[0].holes)
         return Sweep(_at(seated(T, placed), low), placed.profile, high - low)
-    return _tapered(T, single, low, high, profiles, tolerance_m)
+    curved = _curved(T, local, triangles, low, high, profiles, tolerance_m)
+    return curved or _tapered(T, single, low, high, profiles, tolerance_m)
+
+
+def _cuts(local: Array, triangles: Triangles, low: float, high: float, count: int) -> list[Section]:
+    """Return the cuts that show one piece; what is in another one's hole is not seen from outside."""
+    shares = np.linspace(FROM, TO, count) + 1.37e-4  # away from the round numbers where vertices are
+    cuts = [visible(cut(local, triangles, low + share * (high - low))) for share in shares]
+    return [pieces[0] for pieces in cuts if len(pieces) == 1]
+
+
+def _curved(
+    T: Array, local: Array, triangles: Triangles, low: float, high: float, profiles: ProfileReader, tolerance_m: float
+) -> Sweep | None:
+    """Return a sweep along the middles of sections that are the same but shifted, as of a cambered beam, or None."""
+    sections = _cuts(local, triangles, low, high, CURVE_CUTS)
+    if len(sections) < 0.9 * CURVE_CUTS:
+        return None
+    middles = np.array([(s.outline.min(axis=0) + s.outline.max(axis=0)) / 2 for s in sections])
+    moved = [replace(s, outline=s.outline - m) for s, m in zip(sections, middles, strict=True)]
+    if len(_alike(moved, moved[len(moved) // 2], tolerance_m)) < 0.9 * CURVE_CUTS:
+        return None
+    k = len(moved) // 2
+    placed = profiles.drawn(moved[k].outline, tuple(hole - middles[k] for hole in sections[k].holes))
+    line = np.column_stack([middles + placed.t_m, [s.z_m for s in sections]])
+    for end, before, z in ((0, 1, low), (-1, -2, high)):
+        leg = line[end] - line[before]
+        line[end] = line[end] + leg * ((z - line[end, 2]) / leg[2])
+    start = line_frame(line[0], line[1] - line[0], np.append(placed.R[:, 0], 0.0))
+    axis = into(start, line)
+    length_m = float(np.linalg.norm(np.diff(axis, axis=0), axis=1).sum())
+    return Sweep(T @ start, placed.profile, length_m, axis_m=axis)
+
+
+def visible(pieces: list[Section]) -> list[Section]:
+    """Return the pieces of a cut, the largest first, that are not inside the largest one's outline."""
+    import shapely
+
+    if len(pieces) < 2:
+        return pieces
+    pieces = sorted(pieces, key=lambda piece: -shapely.Polygon(piece.outline).area)
+    outer = shapely.Polygon(pieces[0].outline)
+    return [pieces[0], *(p for p in pieces[1:] if not outer.contains(shapely.Point(*p.outline[0])))]
 
 
 def _tapered(
@@ -128,7 +195,7 @@ def _tapered(
     holes = sections[0].holes, sections[-1].holes
     ends = [profiles.drawn(outline, hole) for outline, hole in zip((first, last), holes, strict=True)]
     middles = [T[:3, :3] @ np.append(end.t_m, at) for end, at in zip(ends, (low, high), strict=True)]
-    leaning = np.linalg.norm(ends[0].t_m - ends[1].t_m) > tolerance_m
+    leaning = bool(np.linalg.norm(ends[0].t_m - ends[1].t_m) > tolerance_m)
     profile, profile_end = _pair(ends, leaning, first, last)
     if leaning:
         seat = PlacedProfile(profile, np.eye(2), ends[0].t_m)
@@ -154,8 +221,6 @@ def _alike(sections: list[Section], one: Section, tolerance_m: float) -> list[Se
     import shapely
 
     def same(other: Section) -> bool:
-        if abs(other.area_m2 - one.area_m2) > tolerance_m * shapely.length(ring):
-            return False
         return bool(shapely.hausdorff_distance(ring, shapely.linearrings(other.outline)) <= tolerance_m)
 
     ring = shapely.linearrings(one.outline)
@@ -173,18 +238,9 @@ def _at(T: Array, z_m: float) -> Array:
     return moved
 
 
-def _least_side(local: Array) -> float:
-    """Return the larger side of the smallest rectangle around a body [V][3], seen along Z."""
-    import shapely
-
-    box = shapely.minimum_rotated_rectangle(shapely.multipoints(local[:, :2]))
-    corners = np.array(box.exterior.coords) if box.geom_type == "Polygon" else local[:2, :2]
-    return float(np.linalg.norm(np.diff(corners, axis=0), axis=1).max())
-
-
 def _upright(direction: Array) -> Array:
     """Return a direction so that its largest component is positive: a mesh has no start of its own."""
-    return direction if direction[np.abs(direction).argmax()] > 0 else -direction
+    return np.asarray(direction if direction[np.abs(direction).argmax()] > 0 else -direction)
 
 
 def _side(direction: Array) -> Array:

@@ -44,7 +44,7 @@ def centred(profile: Profile) -> PlacedProfile:
         return PlacedProfile(profile, np.eye(2), np.zeros(2))
     outline = profile.outline()
     middle = (outline.min(axis=0) + outline.max(axis=0)) / 2
-    return PlacedProfile(Polygon(outline - middle), np.eye(2), middle)  # type: ignore[arg-type]
+    return PlacedProfile(Polygon(outline - middle), np.eye(2), middle)
 
 
 def carried(placed: PlacedProfile, linear: Array, offset_m: Array) -> PlacedProfile | None:

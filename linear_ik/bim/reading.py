@@ -11,8 +11,9 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.bim.body_check import enough_segments
-from linear_ik.bim.file import ModelFile, open_model
+from linear_ik.bim.file import open_model
 from linear_ik.bim.georeference import angle_unit_rad, length_unit_m, map_conversion, true_north
+from linear_ik.bim.kernel_repairs import replace_derived_profiles
 from linear_ik.bim.member_reader import MemberReader
 from linear_ik.bim.products import linear_products, other_products, profile_name, text
 from linear_ik.bim.profiles import ProfileReader
@@ -66,8 +67,12 @@ def read_design(
     if not linear:
         raise DesignError(file.path, "holds no linear element", "one of " + ", ".join(how.classes))
     others = other_products(model, {product.id() for product, _ in linear}) if how.obstacles else []
+    angle_rad = angle_unit_rad(model)
+    profiles = ProfileReader(unit_m, angle_rad, how.tolerance_m)
+    replace_derived_profiles(model, profiles, unit_m)
+    reader = MemberReader(profiles, SweepReader(profiles, unit_m, angle_rad), how.slenderness, how.tolerance_m, unit_m)
     found = dict(bodies(model, [p for p, _ in linear if p.Representation] + others, how.kernel_threads, on_progress))
-    members, left_out, unfit = _read_members(file, linear, found, how, unit_m)
+    members, left_out, unfit = _read_members(reader, linear, found, how)
     if how.obstacles:
         unfit += [(product, product.is_a()) for product in others]
     conversion, notes = map_conversion(model, unit_m)
@@ -98,12 +103,9 @@ def _settings(settings: DesignSettings | None, changes: dict[str, Any]) -> Desig
 
 
 def _read_members(
-    file: ModelFile, linear: list[tuple[Any, str]], found: dict[int, Body], how: DesignSettings, unit_m: float
+    reader: MemberReader, linear: list[tuple[Any, str]], found: dict[int, Body], how: DesignSettings
 ) -> tuple[list[Member], list[LeftOut], list[tuple[Any, str]]]:
-    angle_rad = angle_unit_rad(file.model)
-    profiles = ProfileReader(unit_m, angle_rad, how.tolerance_m)
-    sweeps = SweepReader(profiles, unit_m, angle_rad)
-    reader = MemberReader(profiles, sweeps, how.slenderness, how.tolerance_m, unit_m)
+    """Return the members, what is left out, and the products of the latter."""
     members: list[Member] = []
     left_out: list[LeftOut] = []
     unfit: list[tuple[Any, str]] = []
@@ -120,7 +122,7 @@ def _read_members(
                 element = _element(product, reading.sweep, body, how)
                 tag = text(getattr(product, "Tag", None)) or text(product.Name)
                 section = profile_name(product, reading.solid)
-                members.append(Member(guid, name, text(product.Name), tag, section, element))
+                members.append(Member(guid, name, text(product.Name), tag, section, element, reading.remark))
                 seen.add(guid)
                 continue
             except ElementError as error:

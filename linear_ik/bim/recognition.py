@@ -70,7 +70,7 @@ def _round(corners: Array, holes: list[Array]) -> PlacedProfile | None:
     if len(holes) == 1:
         inside = _circle(holes[0])
         if inside is not None and np.linalg.norm(inside[0] - middle) <= max(ROUND_M, 0.02 * radius):
-            profile = _or(lambda: CircleHollow(radius, radius - inside[1]), profile)
+            profile = _or(lambda: CircleHollow(radius, radius - inside[1]), profile) or profile
     return PlacedProfile(profile, np.eye(2), middle)
 
 
@@ -219,7 +219,7 @@ def _same(profile: Profile, corners: Array, tolerance_m: float) -> bool:
 
 def _unseen(tolerance_m: float) -> float:
     """Return the radius whose arc is within the tolerance of the sharp corner's sides."""
-    return tolerance_m / (1 - np.sqrt(0.5))
+    return float(tolerance_m / (1 - np.sqrt(0.5)))
 
 
 def _reflex(corners: Array) -> npt.NDArray[np.bool_]:

@@ -99,7 +99,7 @@ def curve_points(curve: Any) -> Array | None:
     if not len(edges) or (edges[1:, 0] != edges[:-1, 1]).any():
         return None
     points = vertices[[edges[0, 0], *edges[:, 1]]]
-    return points[np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9)]
+    return np.asarray(points[np.append(True, np.linalg.norm(np.diff(points, axis=0), axis=1) > 1e-9)])
 
 
 def profile_rings(definition: Any) -> list[Array]:
@@ -113,14 +113,22 @@ def profile_rings(definition: Any) -> list[Array]:
     with silence():
         shape = geom.create_shape(_settings(), definition)
         vertices, triangles = _rows(shape.verts), np.array(shape.faces, dtype=np.int64).reshape(-1, 3)
-    return [ring[:, :2] for ring in boundary(vertices, triangles)]
+        edges = np.array(shape.edges, dtype=np.int64).reshape(-1, 2)
+    # Some profiles come as faces, some as wires.
+    rings = boundary(vertices, triangles) if len(triangles) else loops(vertices, edges)
+    return [ring[:, :2] for ring in rings]
 
 
 def boundary(vertices: Array, triangles: Triangles) -> list[Array]:
     """Return the closed lines [V][D] of the edges that belong to one triangle only."""
     edges = np.concatenate([triangles[:, [0, 1]], triangles[:, [1, 2]], triangles[:, [2, 0]]])
     directed = {(int(a), int(b)) for a, b in edges}
-    following = {a: b for a, b in directed if (b, a) not in directed}
+    return loops(vertices, np.array([e for e in directed if e[::-1] not in directed], dtype=np.int64).reshape(-1, 2))
+
+
+def loops(vertices: Array, edges: Triangles) -> list[Array]:
+    """Return the closed lines [V][D] that edges [E][2] make, each run one way; none where one stays open."""
+    following = {int(a): int(b) for a, b in edges}
     rings = []
     while following:
         start, here = following.popitem()
