@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
+    from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
     from linear_ik.exports.fitted_urdf import write_fitted_urdf
     from linear_ik.exports.glb import write_glb
     from linear_ik.exports.result_json import read_result, result_to_mapping, write_result
@@ -56,6 +57,7 @@ _MODULES = {
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
+    "exports.asbuilt_ifc": ("write_asbuilt_ifc",),
     "exports.fitted_urdf": ("write_fitted_urdf",),
     "exports.glb": ("write_glb",),
     "exports.result_json": ("read_result", "result_to_mapping", "write_result"),
@@ -129,6 +131,7 @@ __all__ = [
     "result_to_mapping",
     "scan_virtually",
     "simulate",
+    "write_asbuilt_ifc",
     "write_fitted_urdf",
     "write_glb",
     "write_result",

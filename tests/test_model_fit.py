@@ -83,7 +83,7 @@ def test_the_table_has_a_line_an_element_in_the_designs_order(built, done):
     rows = table(folder)
     assert list(rows) == [m.guid for m in built.design.members]
     column = rows[GUIDS[0]]
-    assert (column["class"], column["tag"], column["length_m"]) == ("IfcColumn", "T0", "2.0000")
+    assert (column["ifc_class"], column["tag"], column["length_m"]) == ("IfcColumn", "T0", "2.0000")
     assert 0 < float(column["max_offset_band95_mm"]) < 3
     assert int(column["matched_points"]) > 1200
     nodes = built.truth[GUIDS[0]]

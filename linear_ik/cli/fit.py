@@ -13,7 +13,7 @@ from linear_ik.cli.arguments import file_argument, file_option
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
-from linear_ik.errors import LinearIkError, SettingsError
+from linear_ik.errors import SettingsError
 
 if TYPE_CHECKING:
     from linear_ik.element import Element
@@ -108,31 +108,25 @@ def fit(
     ] = None,
 ) -> Outcome:
     """Check everything, read, fit, write, and say what was found."""
-    from linear_ik.cli.fit_model import fit_building, is_model
+    from linear_ik.cli.fit_model import fit_building, is_model, refuse
 
     inputs = [element, *scan]
+    for_models: dict[str, object] = {
+        "only": None if only is None else tuple(guid for guid in only.split(",") if guid),
+        "classes": None if classes is None else tuple(classes),
+        "segments": segments,
+        "reach_m": reach,
+        "max_points": max_points,
+        "memory_mb": memory,
+        "legend_m": legend,
+        "workers": workers,
+        "scheduler": scheduler,
+    }
     if is_model(element):
-        for name, value in (("--urdf", urdf), ("--glb", glb), ("--view", view)):
-            if value:
-                raise LinearIkError(name, "is for one element", "not with a design model")
-        return fit_building(
-            element,
-            scan,
-            output,
-            _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error),
-            quiet,
-            transform,
-            inverse,
-            only=None if only is None else tuple(guid for guid in only.split(",") if guid),
-            classes=None if classes is None else tuple(classes),
-            segments=segments,
-            reach_m=reach,
-            max_points=max_points,
-            memory_mb=memory,
-            legend_m=legend,
-            workers=workers,
-            scheduler=scheduler,
-        )
+        refuse("is for one element", "not with a design model", urdf=urdf, glb=glb, view=view or None)
+        settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
+        return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
+    refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
     to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None

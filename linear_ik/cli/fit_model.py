@@ -5,6 +5,7 @@ from __future__ import annotations
 import math
 import sys
 import time
+from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
@@ -37,6 +38,13 @@ def is_model(path: Path) -> bool:
     return path.suffix.lower() in SUFFIXES
 
 
+def refuse(what: str, expected: str, **options: object) -> None:
+    """Raise LinearIkError about the first option that was given, where it has no meaning."""
+    for name, value in options.items():
+        if value is not None:
+            raise LinearIkError(OPTIONS.get(name, "--" + name.replace("_", "-")), what, expected)
+
+
 def fit_building(
     design: Path,
     scans: list[Path],
@@ -45,7 +53,7 @@ def fit_building(
     quiet: bool,
     transform: Path | None,
     inverse: bool,
-    **options: object,
+    options: Mapping[str, object],
 ) -> Outcome:
     """Fit a model, and say what was found.
 

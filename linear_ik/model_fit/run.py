@@ -8,7 +8,6 @@ import time
 from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
-from typing import Any
 
 import numpy as np
 
@@ -16,6 +15,7 @@ from linear_ik.atomic import write_atomically
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError
 from linear_ik.exports.result_json import versions
+from linear_ik.model_fit.asbuilt import write_asbuilt
 from linear_ik.model_fit.colours import colour_scan
 from linear_ik.model_fit.fits import Fits, Listener, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
@@ -29,6 +29,7 @@ from linear_ik.settings import FitSettings
 from linear_ik.site.handout import moved
 
 SCHEMA = "linear_ik/run/1"
+ASBUILT = "asbuilt.ifc"
 BYTES_A_POINT = 400  # while a piece of the scan is handed out
 
 
@@ -97,7 +98,7 @@ def fit_model(
         iter_scan(path, chunk)  # says at once what can be seen from outside
     listener("reading the design", 0, 0, float("nan"))
     design_path = None if isinstance(design, DesignModel) else Path(design)
-    model = design if isinstance(design, DesignModel) else _read_design(Path(design))
+    model = design if isinstance(design, DesignModel) else _read_design(Path(design), listener)
     members, obstacles = select(model, options)
     folder = RunFolder(Path(output_folder), [member.guid for member in members])
     pool = make_pool(options, len(members))
@@ -117,15 +118,16 @@ def fit_model(
         timings["contest"] = time.perf_counter() - began - sum(timings.values())
     finally:
         pool.close()
-    results = fits.results
-    files, notes = ["elements.csv"], []
+    files, notes = ["elements.csv"], list(model.notes)
     write_table(fits.rows, folder.path / "elements.csv")
     wanted = fingerprint(sorted(fits.inputs.items()), options.legend_m)
     coloured = colour_scan(pieces, fits, folder.path, options, wanted, listener)
     files += coloured.files
     notes += coloured.notes
     if design_path is not None:
-        files += _write_asbuilt(design_path, results, folder.path, notes)
+        listener("writing asbuilt.ifc", 0, 0, float("nan"))
+        notes += write_asbuilt(design_path, fits.results, folder.path / ASBUILT)
+        files.append(ASBUILT)
     timings["files"] = time.perf_counter() - began - sum(timings.values())
     timings["total"] = time.perf_counter() - began
     counts: dict[str, int] = {}
@@ -175,12 +177,10 @@ def scan_inputs(paths: Sequence[Path]) -> list[list[object]]:
     return out
 
 
-def _read_design(path: Path) -> DesignModel:
-    from linear_ik.bim import read_design  # type: ignore[import-not-found]
+def _read_design(path: Path, listener: Listener) -> DesignModel:
+    from linear_ik.bim import read_design
 
-    model: DesignModel = read_design(path)
-    return model
+    def on_progress(done: int, total: int) -> None:
+        listener("reading the design", done, total, float("nan"))
 
-
-def _write_asbuilt(design_path: Path, results: dict[str, Any], folder: Path, notes: list[str]) -> list[str]:
-    return []
+    return read_design(path, on_progress=on_progress)

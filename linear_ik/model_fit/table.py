@@ -22,7 +22,7 @@ Array = npt.NDArray[np.float64]
 BAND_95 = 1.959964
 COLUMNS = (
     "guid",
-    "class",
+    "ifc_class",
     "name",
     "tag",
     "profile",
@@ -77,7 +77,7 @@ def line(row: Row) -> dict[str, object]:
     member, result = row.member, row.result
     values: dict[str, object] = {
         "guid": member.guid,
-        "class": member.ifc_class,
+        "ifc_class": member.ifc_class,
         "name": member.name,
         "tag": member.tag,
         "profile": member.profile_name,
