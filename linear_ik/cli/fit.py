@@ -34,7 +34,7 @@ FOR_MODELS = "Only with a model: "
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Fit a designed element, or every linear element of a design model, to its scan."
+    about = "Fit an element, or all of a design model, to its scan."
     app.command("fit", cls=Verb, help=about, epilog=EXAMPLE)(fit)
 
 
