@@ -13,6 +13,7 @@ import pytest
 from site_samples import ABSENT, GUIDS, design, only, site
 
 import linear_ik
+from linear_ik.design_model import MapConversion
 from linear_ik.element import Placement
 from linear_ik.errors import LinearIkError, OutputError, ScanError, SettingsError
 from linear_ik.model_fit import ModelFitOptions, fit_model
@@ -235,6 +236,44 @@ def test_a_scan_in_other_coordinates_is_moved_into_the_models(built, done, tmp_p
     report = json.loads((folder / "run.json").read_text())
     assert report["T_model_scan"] == T.tolist()
     assert report["coordinates"] == "the model's; T_model_scan was used"
+
+
+def test_a_scan_in_the_maps_coordinates(built, tmp_path):
+    T = np.eye(4)
+    T[:3, :3] = 0.9996 * np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])
+    T[:3, 3] = (500000.0, 5400000.0, 100.0)
+    points = linear_ik.read_scan(built.scan).points
+    linear_ik.write_scan(linear_ik.Scan(points @ T[:3, :3].T + T[:3, 3]), tmp_path / "map.ply")
+    model = replace(only(built.design, GUIDS[2]), map_conversion=MapConversion(T, "EPSG:25832"))
+    found = fit_model(model, [tmp_path / "map.ply"], tmp_path / "a", options=ModelFitOptions(**HERE))
+    assert found.notes == ("no point is near an element: the scan seems to be in the map's coordinates (--map)",)
+    fit_model(model, [tmp_path / "map.ply"], tmp_path / "b", options=ModelFitOptions(**HERE, map_coordinates=True))
+    result = linear_ik.read_result(tmp_path / "b" / "elements" / f"{GUIDS[2]}.json")
+    assert np.abs(result.nodes_m - built.truth[GUIDS[2]])[:, 1:].max() < 1e-3
+    with pytest.raises(SettingsError, match="no map conversion"):
+        fit_model(built.design, [built.scan], tmp_path / "c", options=ModelFitOptions(**HERE, map_coordinates=True))
+
+
+@pytest.mark.parametrize(
+    ("change", "hint"),
+    [
+        (1000.0, ": the scan seems to be in millimetres"),
+        (1.0, ", though the scan is where the design is"),
+        (None, ": the scan and the design are 860.7 m apart (--transform)"),
+    ],
+)
+def test_a_scan_elsewhere_is_told_why(built, tmp_path, change, hint):
+    points = linear_ik.read_scan(built.scan).points
+    moved = points + 500.0 if change is None else points * change
+    linear_ik.write_scan(linear_ik.Scan(moved), tmp_path / "scan.ply")
+    pipe = only(built.design, GUIDS[2]).members[0]
+    if change == 1.0:
+        placement = Placement((0.5, 1.0, 1.6), (1, 0, 0))
+        pipe = replace(pipe, element=replace(pipe.element, placement=placement))
+    model = replace(design(), members=(pipe,))
+    found = fit_model(model, [tmp_path / "scan.ply"], tmp_path / "out", options=ModelFitOptions(**HERE))
+    assert found.fitted == 0
+    assert found.notes == (f"no point is near an element{hint}",)
 
 
 def test_a_selection_by_class_and_guid(built, tmp_path):

@@ -92,6 +92,9 @@ def fit(
         ),
     ] = None,
     inverse: Annotated[bool, typer.Option("--inverse", help="T.txt takes the model into the scan's.")] = False,
+    in_map: Annotated[
+        bool, typer.Option("--map", help="The scan is in the map's coordinates (IfcMapConversion).")
+    ] = False,
     reach: Annotated[
         float | None, typer.Option("--reach", metavar="METRES", help="How far an element may be from its design; 0.15.")
     ] = None,
@@ -121,6 +124,7 @@ def fit(
         "legend_m": legend,
         "workers": workers,
         "scheduler": scheduler,
+        "map_coordinates": in_map or None,
     }
     if is_model(element):
         refuse("is for one element", "not with a design model", urdf=urdf, glb=glb, view=view or None)

@@ -27,6 +27,7 @@ LINE_EVERY_S = 30.0
 OPTIONS = {
     "classes": "--class",
     "T_model_scan": "--transform",
+    "map_coordinates": "--map",
     "memory_mb": "--memory",
     "reach_m": "--reach",
     "legend_m": "--legend",

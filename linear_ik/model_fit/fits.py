@@ -77,12 +77,13 @@ class Fits:
         options: ModelFitOptions,
         folder: RunFolder,
         scans: list[list[object]],
+        T_model_scan: Array | None = None,  # noqa: N803
     ) -> None:
         """Find out what each fit hangs on, and which are known from earlier runs."""
         self.members, self.settings, self.options, self.folder = members, settings, options, folder
         self._field = ObstacleField(obstacles)
         self._reach = [_reach_m(member, options) for member in members]
-        T = None if options.T_model_scan is None else options.T_model_scan.tolist()
+        T = None if T_model_scan is None else T_model_scan.tolist()
         common = [asdict(settings), scans, T, options.reach_m, options.max_points, versions()]
         self.inputs = {}
         for i, member in enumerate(members):

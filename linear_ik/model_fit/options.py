@@ -30,6 +30,7 @@ class ModelFitOptions:
         only: GlobalIds; all when empty.
         classes: such as IfcBeam; all when empty.
         T_model_scan: [4][4] takes the scan into the model's coordinates; None where it is in them.
+        map_coordinates: the scan is in the map's coordinates of the design's map conversion.
         legend_m: deviation at either end of the colours.
         contest: whether neighbours compete for points.
 
@@ -46,6 +47,7 @@ class ModelFitOptions:
     only: Sequence[str] = ()
     classes: Sequence[str] = ()
     T_model_scan: Array | None = None
+    map_coordinates: bool = False
     legend_m: float = 0.02
     contest: bool = True
 
@@ -68,6 +70,8 @@ class ModelFitOptions:
                 raise SettingsError(name, f"{value!r}", f"{what} from {low:g} to {high:g}")
         if self.T_model_scan is not None:
             object.__setattr__(self, "T_model_scan", check_rigid("T_model_scan", self.T_model_scan))
+            if self.map_coordinates:
+                raise SettingsError("map_coordinates", "given together with T_model_scan", "one of the two")
 
 
 def check_rigid(name: str, value: object) -> Array:

@@ -20,6 +20,7 @@ from linear_ik.model_fit.colours import colour_scan
 from linear_ik.model_fit.fits import Fits, Listener, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.options import ModelFitOptions
+from linear_ik.model_fit.placing import scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
@@ -92,19 +93,20 @@ def fit_model(
 
     def pieces() -> Iterator[Scan]:
         for path in paths:
-            yield from moved(iter_scan(path, chunk), options.T_model_scan)
+            yield from moved(iter_scan(path, chunk), T)
 
     for path in paths:
         iter_scan(path, chunk)  # says at once what can be seen from outside
     listener("reading the design", 0, 0, float("nan"))
     design_path = None if isinstance(design, DesignModel) else Path(design)
     model = design if isinstance(design, DesignModel) else _read_design(Path(design), listener)
+    T = scan_to_model(model, options)
     members, obstacles = select(model, options)
     folder = RunFolder(Path(output_folder), [member.guid for member in members])
     pool = make_pool(options, len(members))
     try:
         folder.make()
-        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths))
+        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths), T)
         timings: dict[str, float] = {}
         try:
             fits.prepare(pieces, listener)
@@ -119,6 +121,8 @@ def fit_model(
     finally:
         pool.close()
     files, notes = ["elements.csv"], list(model.notes)
+    if fits.extent and not fits.extent["in_a_neighbourhood"]:
+        notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
     write_table(fits.rows, folder.path / "elements.csv")
     wanted = fingerprint(sorted(fits.inputs.items()), options.legend_m)
     coloured = colour_scan(pieces, fits, folder.path, options, wanted, listener)
@@ -137,8 +141,8 @@ def fit_model(
         "schema": SCHEMA,
         "design": model.source,
         "scans": [path.name for path in paths],
-        "coordinates": "the model's; " + ("as the scan's" if options.T_model_scan is None else "T_model_scan was used"),
-        "T_model_scan": (np.eye(4) if options.T_model_scan is None else options.T_model_scan).tolist(),
+        "coordinates": "the model's; " + ("as the scan's" if T is None else "T_model_scan was used"),
+        "T_model_scan": (np.eye(4) if T is None else T).tolist(),
         "counts": {"elements": len(members), **counts},
         "left_out": [asdict(left) for left in model.left_out],
         "notes": notes,
