@@ -20,11 +20,13 @@ if TYPE_CHECKING:
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
+    from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
     from linear_ik.exports.fitted_urdf import write_fitted_urdf
     from linear_ik.exports.glb import write_glb
     from linear_ik.exports.result_json import read_result, result_to_mapping, write_result
     from linear_ik.exports.scan_file import write_scan
     from linear_ik.fit import fit
+    from linear_ik.model_fit import ModelFit, ModelFitOptions, fit_model
     from linear_ik.profile import (
         Circle,
         CircleHollow,
@@ -58,11 +60,13 @@ _MODULES = {
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
+    "exports.asbuilt_ifc": ("write_asbuilt_ifc",),
     "exports.fitted_urdf": ("write_fitted_urdf",),
     "exports.glb": ("write_glb",),
     "exports.result_json": ("read_result", "result_to_mapping", "write_result"),
     "exports.scan_file": ("write_scan",),
     "fit": ("fit",),
+    "model_fit": ("ModelFit", "ModelFitOptions", "fit_model"),
     "profile": (
         "Circle",
         "CircleHollow",
@@ -105,6 +109,8 @@ __all__ = [
     "LinearIkError",
     "MapConversion",
     "Member",
+    "ModelFit",
+    "ModelFitOptions",
     "Obstacle",
     "Placement",
     "PlacementTolerance",
@@ -123,6 +129,7 @@ __all__ = [
     "element_from_mapping",
     "element_to_mapping",
     "fit",
+    "fit_model",
     "generate_urdf",
     "load_element",
     "load_tolerances",
@@ -133,6 +140,7 @@ __all__ = [
     "scan_virtually",
     "simulate",
     "verdicts",
+    "write_asbuilt_ifc",
     "write_fitted_urdf",
     "write_glb",
     "write_result",

@@ -107,7 +107,7 @@ def bend_element(
     """
     angles = _joint_angles(element, bends, joint_angles_rad)
     q = angles[:, ::-1].ravel()
-    turns = _rotations(angles)
+    turns = joint_rotations(angles)
     T = np.tile(np.eye(4), (element.segments, 1, 1))
     T[0, :3, :3] = turns[0]
     for k in range(1, element.segments):
@@ -130,7 +130,7 @@ def rigid_motion(translation_m: Sequence[float] = (0, 0, 0), rotation_deg: Seque
         SettingsError: not three finite numbers each.
     """
     T = np.eye(4)
-    T[:3, :3] = _rotations(np.radians(check_array("rotation_deg", rotation_deg, (3,)))[None])[0]
+    T[:3, :3] = joint_rotations(np.radians(check_array("rotation_deg", rotation_deg, (3,)))[None])[0]
     T[:3, 3] = check_array("translation_m", translation_m, (3,))
     return T
 
@@ -192,7 +192,7 @@ def _joint_angles(element: Element, bends: Sequence[Bend | str], joint_angles_ra
     return np.asarray(np.clip(angles, limits[..., 0], limits[..., 1]))
 
 
-def _rotations(angles: Array) -> Array:
+def joint_rotations(angles: Array) -> Array:
     """Return R = Rz Ry Rx [N][3][3] of angles [N][3] about x, y, z."""
     (cx, cy, cz), (sx, sy, sz) = np.cos(angles).T, np.sin(angles).T
     rows: Array = np.array(

@@ -178,10 +178,20 @@ def prism_triangles(start: list[Array], end: list[Array]) -> npt.NDArray[np.int6
         start: outlines at one end, the outer one first; the body's first vertices.
         end: outlines at the other, corner for corner; its other vertices.
     """
-    stops = np.cumsum([len(ring) for ring in start])
+    m = sum(len(ring) for ring in start)
+    return np.concatenate([cap_triangles(start)[:, ::-1], cap_triangles(end) + m, side_triangles(start)])
+
+
+def side_triangles(rings: list[Array]) -> npt.NDArray[np.int64]:
+    """Return the triangles [T][3] between a section's corners and those of the next one, which follow them.
+
+    Args:
+        rings: outlines [V][2], the outer one first.
+    """
+    stops = np.cumsum([len(ring) for ring in rings])
     m = stops[-1]
-    parts = [_cap(start)[:, ::-1], _cap(end) + m]
-    for i, ring in enumerate(start):
+    parts = []
+    for i, ring in enumerate(rings):
         a = np.arange(len(ring)) + stops[i] - len(ring)
         b = np.roll(a, -1)
         sides = np.concatenate([np.column_stack([a, b, b + m]), np.column_stack([a, b + m, a + m])])
@@ -189,7 +199,7 @@ def prism_triangles(start: list[Array], end: list[Array]) -> npt.NDArray[np.int6
     return np.concatenate(parts)
 
 
-def _cap(rings: list[Array]) -> npt.NDArray[np.int64]:
+def cap_triangles(rings: list[Array]) -> npt.NDArray[np.int64]:
     """Return the triangles [T][3] of a section, counter-clockwise."""
     import mapbox_earcut
 

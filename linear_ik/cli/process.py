@@ -9,8 +9,8 @@ from typing import Any
 import typer
 import typer.core
 
-from linear_ik.cli.quick_open3d import defer_plots
 from linear_ik.errors import LinearIkError
+from linear_ik.quick_open3d import defer_plots
 from linear_ik.quiet import stdout_aside
 
 BAD_INPUT = 2

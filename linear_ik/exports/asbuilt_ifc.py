@@ -1,0 +1,93 @@
+"""The as-built model: the design's IFC file with the fitted elements as they were found (extra bim)."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Mapping
+from datetime import datetime, timezone
+from pathlib import Path
+from typing import get_args
+
+import numpy as np
+
+from linear_ik.asbuilt.bodies import Body, axis_items, body_items
+from linear_ik.asbuilt.design_file import open_design, write_model
+from linear_ik.asbuilt.draft import Draft
+from linear_ik.asbuilt.exchange import Exchange
+from linear_ik.asbuilt.properties import PropertySets
+from linear_ik.asbuilt.shape import AsBuiltError, bent_shape
+from linear_ik.atomic import check_writable
+from linear_ik.errors import LinearIkError, SettingsError
+from linear_ik.result import FitResult
+
+LINEAR_CLASSES = ("IfcBeam", "IfcColumn", "IfcMember", "IfcPile", "IfcPipeSegment", "IfcDuctSegment", "IfcRailing")
+
+
+def write_asbuilt_ifc(
+    design_path: str | os.PathLike[str],
+    results: Mapping[str, FitResult],
+    out_path: str | os.PathLike[str],
+    *,
+    body: Body = "extrusions",
+    keep_design: bool = False,
+    when: datetime | None = None,
+) -> Path:
+    """Write the design file with each fitted element's body replaced by its bent shape.
+
+    GlobalIds, types, materials, placements and relations stay, openings too, where they were
+    designed. A mapped or shared body is left to the other products. Cuts of the designed body
+    (boolean results) are not in the new one. Every fitted element, and every other one of a linear
+    class, gets the property set LinearIK_AsBuilt: status, figures with their 95 % bands, date;
+    one that was not found or not fitted stays as designed and says so. Figures against the vertical take the
+    model's z as up.
+
+    Args:
+        design_path: an IFC file: IFC2X3, IFC4 or IFC4X3.
+        results: GlobalId -> result, in the model's coordinates.
+        out_path: the new file; may be the design's.
+        body: "extrusions": one a segment with the design's own profile, cut square, so that at a kink of angle a
+            neighbours overlap or gap by tan(a / 2) times the half depth; in IFC4 and later a round section
+            is one IfcSweptDiskSolid; a tapered one is triangulated. "triangles": one closed mesh, mitred
+            (IfcTriangulatedFaceSet, in IFC2X3 IfcFacetedBrep).
+        keep_design: keep each replaced body as a second representation with the identifier Reference.
+        when: date of the results; now when left out.
+
+    Returns:
+        The path.
+
+    Raises:
+        AsBuiltError: a design that cannot be read, a GlobalId that it has not, a result that contradicts itself.
+        OutputError: a path that cannot be written to.
+        SettingsError: another ``body``.
+    """
+    if body not in get_args(Body):
+        raise SettingsError("body", repr(body), "one of " + ", ".join(get_args(Body)))
+    target = check_writable(out_path)
+    date = datetime.now(timezone.utc) if when is None else when
+    draft = Draft(open_design(design_path), str(design_path))
+    products = {product.GlobalId: product for product in draft.model.by_type("IfcProduct")}
+    unknown = next((guid for guid in results if guid not in products), None)
+    if unknown is not None:
+        raise AsBuiltError(unknown, f"no product of {design_path}", "the GlobalId of an element of the design")
+    sheets, exchange = PropertySets(draft, date), Exchange(draft, keep_design)
+    for guid, result in results.items():
+        product = products[guid]
+        if result.status == "not_scanned":
+            sheets.of_not_found(product, result)
+            continue
+        try:
+            shape = bent_shape(result)
+            T_product_model = np.asarray(np.linalg.inv(draft.T_model_product(product)), dtype=np.float64)  # noqa: N806 (T_target_source)
+            notes = exchange.notes(product)
+            items = body_items(draft, shape, T_product_model, body, exchange.designed_profile(product))
+            exchange.replace(product, items, axis_items(draft, shape, T_product_model))
+            sheets.of_fitted(product, result, notes)
+        except LinearIkError as error:
+            raise AsBuiltError(guid, f"{error.subject}: {error.what}", error.expected) from None
+    exchange.finish()
+    sheets.of_not_fitted([p for p in products.values() if p.GlobalId not in results and _is_linear(p)])
+    return write_model(draft.model, target, date)
+
+
+def _is_linear(product: object) -> bool:
+    return any(product.is_a(ifc_class) for ifc_class in LINEAR_CLASSES)  # type: ignore[attr-defined]
