@@ -14,6 +14,8 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from linear_ik.bending import Bend
     from linear_ik.chain import Chain
+    from linear_ik.compare import Comparison, compare
+    from linear_ik.comparison_table import write_comparison
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
@@ -49,6 +51,8 @@ if TYPE_CHECKING:
 _MODULES = {
     "bending": ("Bend",),
     "chain": ("Chain",),
+    "compare": ("Comparison", "compare"),
+    "comparison_table": ("write_comparison",),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
@@ -86,6 +90,7 @@ __all__ = [
     "Chain",
     "Circle",
     "CircleHollow",
+    "Comparison",
     "Element",
     "FitResult",
     "FitSettings",
@@ -106,6 +111,7 @@ __all__ = [
     "UShape",
     "Viewer",
     "__version__",
+    "compare",
     "element_from_mapping",
     "element_to_mapping",
     "fit",
@@ -117,6 +123,7 @@ __all__ = [
     "scan_virtually",
     "simulate",
     "write_asbuilt_ifc",
+    "write_comparison",
     "write_fitted_urdf",
     "write_glb",
     "write_result",

@@ -131,6 +131,7 @@ class Draft:
                 "IfcOwnerHistory",
                 OwningUser=user,
                 OwningApplication=self._application(),
+                LastModifiedDate=int(time.time()),  # IFC4 asks for it beside a change
                 ChangeAction="ADDED",
                 CreationDate=int(time.time()),
             )
