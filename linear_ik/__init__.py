@@ -13,9 +13,11 @@ from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
     from linear_ik.bending import Bend
+    from linear_ik.bim import read_design
     from linear_ik.chain import Chain
     from linear_ik.compare import Comparison, compare
     from linear_ik.comparison_table import write_comparison
+    from linear_ik.design_model import DesignModel, LeftOut, MapConversion, Member, Obstacle
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
@@ -25,6 +27,7 @@ if TYPE_CHECKING:
     from linear_ik.exports.result_json import read_result, result_to_mapping, write_result
     from linear_ik.exports.scan_file import write_scan
     from linear_ik.fit import fit
+    from linear_ik.model_fit import ModelFit, ModelFitOptions, fit_model
     from linear_ik.profile import (
         Circle,
         CircleHollow,
@@ -50,9 +53,11 @@ if TYPE_CHECKING:
 
 _MODULES = {
     "bending": ("Bend",),
+    "bim": ("read_design",),
     "chain": ("Chain",),
     "compare": ("Comparison", "compare"),
     "comparison_table": ("write_comparison",),
+    "design_model": ("DesignModel", "LeftOut", "MapConversion", "Member", "Obstacle"),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
     "errors": ("LinearIkError",),
@@ -62,6 +67,7 @@ _MODULES = {
     "exports.result_json": ("read_result", "result_to_mapping", "write_result"),
     "exports.scan_file": ("write_scan",),
     "fit": ("fit",),
+    "model_fit": ("ModelFit", "ModelFitOptions", "fit_model"),
     "profile": (
         "Circle",
         "CircleHollow",
@@ -91,13 +97,20 @@ __all__ = [
     "Circle",
     "CircleHollow",
     "Comparison",
+    "DesignModel",
     "Element",
     "FitResult",
     "FitSettings",
     "IShape",
     "IterationRecord",
     "LShape",
+    "LeftOut",
     "LinearIkError",
+    "MapConversion",
+    "Member",
+    "ModelFit",
+    "ModelFitOptions",
+    "Obstacle",
     "Placement",
     "PlacementTolerance",
     "Polygon",
@@ -115,8 +128,10 @@ __all__ = [
     "element_from_mapping",
     "element_to_mapping",
     "fit",
+    "fit_model",
     "generate_urdf",
     "load_element",
+    "read_design",
     "read_result",
     "read_scan",
     "result_to_mapping",

@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import secrets
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 
 from linear_ik.errors import OutputError
@@ -37,6 +39,24 @@ def write_atomically(path: str | os.PathLike[str], content: bytes | str) -> Path
     except (OSError, ValueError) as error:
         raise _output_error(target, error) from None
     return target
+
+
+@contextmanager
+def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
+    """Give the block a temporary file to write bit by bit, which takes the name when the block has ended well.
+
+    Raises:
+        OutputError: a place that cannot be written to.
+    """
+    target = check_writable(path)
+    temporary = target.with_name(f".linear_ik-{secrets.token_hex(8)}{target.suffix}")
+    try:
+        yield temporary
+        os.replace(temporary, target)
+    except OSError as error:
+        raise _output_error(target, error) from None
+    finally:
+        temporary.unlink(missing_ok=True)
 
 
 def check_writable(path: str | os.PathLike[str]) -> Path:

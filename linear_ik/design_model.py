@@ -22,11 +22,13 @@ class Member:
 
     Attributes:
         guid: IFC's GlobalId; names its files.
-        ifc_class: such as IfcBeam.
+        ifc_class: such as IfcBeam; an IfcFlowSegment of IFC2X3 is called by what its type says
+            it is, such as IfcPipeSegment.
         name: IFC's Name; may be empty.
         tag: the mark that drawings use (IFC's Tag, else the Name); may be empty.
         profile_name: such as HEB340; may be empty.
         element: the design in the model's coordinates, metres.
+        remark: a plain sentence on what of the body is not in the element; empty where nothing is.
     """
 
     guid: str
@@ -35,6 +37,7 @@ class Member:
     tag: str
     profile_name: str
     element: Element
+    remark: str = ""
 
 
 @dataclass(frozen=True)
@@ -85,6 +88,23 @@ class MapConversion:
     T_map_model: Array
     crs: str
 
+    def to_map(self, points_m: Array) -> Array:
+        """Return points [P][3] of the model's coordinates in the map's."""
+        return np.asarray(points_m @ self.T_map_model[:3, :3].T + self.T_map_model[:3, 3])
+
+    def to_model(self, points_m: Array) -> Array:
+        """Return points [P][3] of the map's coordinates in the model's."""
+        # Subtracted first: the rest is then small, and keeps its digits.
+        return np.asarray(np.linalg.solve(self.T_map_model[:3, :3], (points_m - self.T_map_model[:3, 3]).T).T)
+
+    def direction_to_map(self, direction: tuple[float, float]) -> tuple[float, float]:
+        """Return a direction in the model's plane, such as its true north, on the map; unit length."""
+        return _unit(self.T_map_model[:2, :2] @ np.asarray(direction))
+
+    def direction_to_model(self, direction: tuple[float, float]) -> tuple[float, float]:
+        """Return a direction on the map, such as its grid north (0, 1), in the model's plane; unit length."""
+        return _unit(np.linalg.solve(self.T_map_model[:2, :2], np.asarray(direction)))
+
 
 @dataclass(frozen=True, eq=False)
 class DesignModel:
@@ -99,6 +119,7 @@ class DesignModel:
         obstacles: the other bodies.
         map_conversion: None where the file has none.
         true_north: direction of north in the model's plane (x, y), unit length; None where not stated.
+        notes: plain sentences on what is odd about the file.
     """
 
     source: str
@@ -109,3 +130,9 @@ class DesignModel:
     obstacles: tuple[Obstacle, ...] = ()
     map_conversion: MapConversion | None = None
     true_north: tuple[float, float] | None = None
+    notes: tuple[str, ...] = ()
+
+
+def _unit(vector: Array) -> tuple[float, float]:
+    x, y = vector / np.hypot(*vector)
+    return float(x), float(y)

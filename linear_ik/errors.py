@@ -35,6 +35,10 @@ class ElementError(LinearIkError):
     """An element description that describes no element."""
 
 
+class DesignError(LinearIkError):
+    """A design model that cannot be read, or that holds no linear element."""
+
+
 class ScanError(LinearIkError):
     """A scan that cannot be read, or that holds no points."""
 

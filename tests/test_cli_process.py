@@ -165,7 +165,7 @@ def test_a_fit_imports_nothing_that_it_does_not_use(folder, tmp_path):
 def test_open3d_keeps_its_plots_for_those_who_call_them():
     code = """
 import sys
-from linear_ik.cli.quick_open3d import defer_plots
+from linear_ik.quick_open3d import defer_plots
 defer_plots(); defer_plots()
 import open3d
 assert "dash" not in sys.modules

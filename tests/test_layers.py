@@ -15,7 +15,19 @@ from importlinter.cli import lint_imports
 ROOT = Path(__file__).parent.parent
 PACKAGE = ROOT / "linear_ik"
 # Each takes a tenth of a second to import, or seconds.
-HEAVY = {"laspy", "matplotlib", "meshcat", "open3d", "pye57", "qpsolvers", "rich", "shapely", "trimesh", "yourdfpy"}
+HEAVY = {
+    "ifcopenshell",
+    "laspy",
+    "matplotlib",
+    "meshcat",
+    "open3d",
+    "pye57",
+    "qpsolvers",
+    "rich",
+    "shapely",
+    "trimesh",
+    "yourdfpy",
+}
 
 
 def module_level_imports(path: Path) -> Iterator[str]:

@@ -13,33 +13,39 @@ from linear_ik.cli.arguments import file_argument, file_option
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
+from linear_ik.errors import SettingsError
 
 if TYPE_CHECKING:
     from linear_ik.element import Element
     from linear_ik.result import FitResult, IterationRecord
     from linear_ik.scan import Scan
+    from linear_ik.settings import FitSettings
     from linear_ik.viewer import Viewer
 
-EXAMPLE = """Example: two files of one scan, the result, and the bent member for other programs
+EXAMPLE = """Example: two files of one scan, the result, and the bent member for other programs; then a whole building
 
 \b
   linear-ik fit beam.yaml east.e57 west.e57 -o result.json --glb beam.glb
   linear-ik fit beam.yaml scan.ply -o - | jq .status
+  linear-ik fit design.ifc site.e57 -o asbuilt/ --class IfcBeam
 """
+FOR_MODELS = "Only with a model: "
 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Fit a designed element to its scan."
+    about = "Fit an element, or all of a design model, to its scan."
     app.command("fit", cls=Verb, help=about, epilog=EXAMPLE)(fit)
 
 
 def fit(
-    element: Annotated[Path, file_argument("ELEMENT.yaml", "The designed element.")],
+    element: Annotated[Path, file_argument("ELEMENT.yaml|DESIGN.ifc", "The designed element, or a model.")],
     scan: Annotated[list[Path], file_argument("SCAN", "One or more files of one scan.")],
     output: Annotated[
         Path,
-        file_option("-o", "--output", metavar="RESULT.json", about="The result; - prints it on stdout."),
+        file_option(
+            "-o", "--output", metavar="RESULT.json", about="The result; - prints it on stdout. Of a model: a folder."
+        ),
     ],
     urdf: Annotated[
         Path | None,
@@ -72,9 +78,59 @@ def fit(
     ] = 0.0,
     max_iterations: Annotated[int, typer.Option("--max-iterations", help="Of all phases together.")] = 20_000,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
+    only: Annotated[
+        str | None, typer.Option("--only", metavar="GUID,...", help=FOR_MODELS + "fit these elements.")
+    ] = None,
+    classes: Annotated[
+        list[str] | None, typer.Option("--class", metavar="IfcBeam", help="Fit this class; repeatable.")
+    ] = None,
+    segments: Annotated[int | None, typer.Option("--segments", help="Of every element.")] = None,
+    transform: Annotated[
+        Path | None,
+        file_option(
+            "--transform", metavar="T.txt", about="4 x 4 numbers that take the scan into the model's coordinates."
+        ),
+    ] = None,
+    inverse: Annotated[bool, typer.Option("--inverse", help="T.txt takes the model into the scan's.")] = False,
+    in_map: Annotated[
+        bool, typer.Option("--map", help="The scan is in the map's coordinates (IfcMapConversion).")
+    ] = False,
+    reach: Annotated[
+        float | None, typer.Option("--reach", metavar="METRES", help="How far an element may be from its design; 0.15.")
+    ] = None,
+    max_points: Annotated[int | None, typer.Option("--max-points", help="Of one element; 100000.")] = None,
+    memory: Annotated[
+        float | None, typer.Option("--memory", metavar="MB", help="Most for points on their way to elements; 512.")
+    ] = None,
+    legend: Annotated[
+        float | None, typer.Option("--legend", metavar="METRES", help="Deviation at the ends of the colours; 0.02.")
+    ] = None,
+    workers: Annotated[int | None, typer.Option("--workers", help="Processes; one a core.")] = None,
+    scheduler: Annotated[
+        str | None, typer.Option("--scheduler", metavar="tcp://HOST:8786", help="A Dask cluster in place of them.")
+    ] = None,
 ) -> Outcome:
     """Check everything, read, fit, write, and say what was found."""
+    from linear_ik.cli.fit_model import fit_building, is_model, refuse
+
     inputs = [element, *scan]
+    for_models: dict[str, object] = {
+        "only": None if only is None else tuple(guid for guid in only.split(",") if guid),
+        "classes": None if classes is None else tuple(classes),
+        "segments": segments,
+        "reach_m": reach,
+        "max_points": max_points,
+        "memory_mb": memory,
+        "legend_m": legend,
+        "workers": workers,
+        "scheduler": scheduler,
+        "map_coordinates": in_map or None,
+    }
+    if is_model(element):
+        refuse("is for one element", "not with a design model", urdf=urdf, glb=glb, view=view or None)
+        settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
+        return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
+    refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
     to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None
@@ -84,21 +140,7 @@ def fit(
         check_output(joints_path(urdf), inputs, [output, urdf, *([glb] if glb else [])])
     glb_target = check_output(glb, inputs, [output, *([urdf] if urdf else [])]) if glb else None
 
-    from linear_ik.errors import SettingsError
-    from linear_ik.settings import FitSettings
-
-    try:
-        settings = FitSettings(
-            method=method,  # type: ignore[arg-type]
-            search=search,  # type: ignore[arg-type]
-            solver=solver,
-            range_noise_m=range_noise,
-            max_iterations=max_iterations,
-            outlier_removal=outlier_removal,
-            systematic_error_m=systematic_error,
-        )
-    except SettingsError as error:
-        raise about_options(error, range_noise_m="--range-noise", systematic_error_m="--systematic-error") from None
+    settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
 
     from linear_ik.element_file import load_element
 
@@ -132,6 +174,32 @@ def fit(
         viewer.show_result(result, points)
         stay(viewer, wait)
     return Outcome(NOT_SCANNED if result.status == "not_scanned" else 0, text)
+
+
+def _settings(
+    method: str,
+    search: str,
+    solver: str,
+    range_noise: float | None,
+    max_iterations: int,
+    outlier_removal: bool,
+    systematic_error: float,
+) -> FitSettings:
+    """Return the settings that the options ask for."""
+    from linear_ik.settings import FitSettings
+
+    try:
+        return FitSettings(
+            method=method,  # type: ignore[arg-type]
+            search=search,  # type: ignore[arg-type]
+            solver=solver,
+            range_noise_m=range_noise,
+            max_iterations=max_iterations,
+            outlier_removal=outlier_removal,
+            systematic_error_m=systematic_error,
+        )
+    except SettingsError as error:
+        raise about_options(error, range_noise_m="--range-noise", systematic_error_m="--systematic-error") from None
 
 
 def _open_viewer(design: Element, points: Scan, wait: bool) -> Viewer:

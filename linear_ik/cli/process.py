@@ -2,19 +2,16 @@
 
 from __future__ import annotations
 
-import ctypes
-import os
 import sys
-from collections.abc import Iterator
-from contextlib import contextmanager, redirect_stdout
 from dataclasses import dataclass
 from typing import Any
 
 import typer
 import typer.core
 
-from linear_ik.cli.quick_open3d import defer_plots
 from linear_ik.errors import LinearIkError
+from linear_ik.quick_open3d import defer_plots
+from linear_ik.quiet import stdout_aside
 
 BAD_INPUT = 2
 NOT_SCANNED = 3
@@ -56,22 +53,6 @@ class Verb(typer.core.TyperCommand):
         if outcome.exit_code:
             raise typer.Exit(outcome.exit_code)
         return 0
-
-
-@contextmanager
-def stdout_aside() -> Iterator[None]:
-    """Let whatever is printed, from Python or from C, go to stderr."""
-    sys.stdout.flush()
-    kept = os.dup(1)
-    os.dup2(2, 1)
-    try:
-        with redirect_stdout(sys.stderr):
-            yield
-    finally:
-        # C buffers what it prints to a pipe, and would let it out after stdout is back.
-        ctypes.CDLL(None).fflush(None)
-        os.dup2(kept, 1)
-        os.close(kept)
 
 
 def explain(error: Exception) -> tuple[str, int]:

@@ -1,8 +1,8 @@
 """A quicker start: Open3D without the web server that it imports for its plots.
 
 `import open3d` takes about two seconds, three quarters of them for dash and plotly, which
-only `open3d.visualization.draw_plotly` uses. In the process of a command, that module
-waits until somebody calls it. The Python API leaves Open3D as it is.
+only `open3d.visualization.draw_plotly` uses. In the process of a command, and in workers, that
+module waits until somebody calls it. The Python API leaves Open3D as it is.
 """
 
 from __future__ import annotations

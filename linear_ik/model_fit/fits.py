@@ -1,0 +1,275 @@
+"""Fits: the elements' results, from earlier runs or made now, stage by stage."""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import time
+from collections.abc import Callable, Iterable, Iterator
+from dataclasses import asdict, dataclass, replace
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.atomic import write_atomically
+from linear_ik.design_model import Member
+from linear_ik.element_file import element_to_mapping
+from linear_ik.exports.result_json import versions
+from linear_ik.model_fit.folder import Facts, RunFolder, fingerprint, light
+from linear_ik.model_fit.options import ModelFitOptions
+from linear_ik.model_fit.pool import Pool
+from linear_ik.model_fit.tasks import Outcome, Task
+from linear_ik.result import FitResult
+from linear_ik.scan import Scan
+from linear_ik.settings import FitSettings
+from linear_ik.site.contest import Claimant
+from linear_ik.site.handout import hand_out
+from linear_ik.site.neighbourhood import Neighbourhoods, boxes_of
+from linear_ik.site.obstacles import Mesh, ObstacleField
+from linear_ik.site.spill import Spill
+
+Array = npt.NDArray[np.float64]
+Listener = Callable[[str, int, int, float], object]
+"""Called with the stage, how much of it is done, of how much (0: unknown), and the seconds it may still take (NaN)."""
+
+RIVAL_REACH_M = 0.05
+NAN = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class Row:
+    """What is known of one element.
+
+    Attributes:
+        member: of the design.
+        result: None where the fit failed.
+        failure: why; else empty.
+        facts: counts of its points.
+    """
+
+    member: Member
+    result: FitResult | None
+    failure: str
+    facts: Facts
+
+    @property
+    def status(self) -> str:
+        """The result's status, or failed."""
+        return "failed" if self.result is None else self.result.status
+
+
+class Fits:
+    """The fits of all elements of a run.
+
+    Attributes:
+        members: in the design's order.
+        inputs: by GlobalId, the fingerprint of what the element's first fit hangs on.
+        fitted_now: how many fits this run made.
+        extent: what was read of the scan.
+    """
+
+    def __init__(
+        self,
+        members: list[Member],
+        obstacles: list[tuple[Array, npt.NDArray[np.int64]]],
+        settings: FitSettings,
+        options: ModelFitOptions,
+        folder: RunFolder,
+        scans: list[list[object]],
+        T_model_scan: Array | None = None,  # noqa: N803
+    ) -> None:
+        """Find out what each fit hangs on, and which are known from earlier runs."""
+        self.members, self.settings, self.options, self.folder = members, settings, options, folder
+        self._field = ObstacleField(obstacles)
+        self._reach = [_reach_m(member, options) for member in members]
+        T = None if T_model_scan is None else T_model_scan.tolist()
+        common = [asdict(settings), scans, T, options.reach_m, options.max_points, versions()]
+        self.inputs = {}
+        for i, member in enumerate(members):
+            near = self._obstacles(i)
+            mesh = hashlib.sha256(near.vertices_m.tobytes()).hexdigest()
+            self.inputs[member.guid] = fingerprint(element_to_mapping(member.element), mesh, self._reach[i], common)
+        self._handout_inputs = fingerprint(list(self.inputs.values()))
+        self._scan_inputs = fingerprint(scans, T, [element_to_mapping(m.element) for m in members], self._reach)
+        self._results: dict[str, FitResult] = {}
+        self._facts: dict[str, Facts] = {member.guid: {} for member in members}
+        self._failures: dict[str, str] = {}
+        self.fitted_now = 0
+        self.extent: dict[str, Any] = {}
+        self._spill: Spill | None = None
+        self._stations: Array | None = None
+        self._neighbourhoods: Neighbourhoods | None = None
+
+    @property
+    def neighbourhoods(self) -> Neighbourhoods:
+        """Of all members."""
+        if self._neighbourhoods is None:
+            self._neighbourhoods = Neighbourhoods.of([m.element for m in self.members], self._reach)
+        return self._neighbourhoods
+
+    @property
+    def results(self) -> dict[str, FitResult]:
+        """By GlobalId, the results so far, each with its last iteration's record only."""
+        return {m.guid: self._results[m.guid] for m in self.members if m.guid in self._results}
+
+    @property
+    def rows(self) -> list[Row]:
+        """One for each member."""
+        return [
+            Row(m, self._results.get(m.guid), self._failures.get(m.guid, ""), self._facts[m.guid]) for m in self.members
+        ]
+
+    def prepare(self, pieces: Callable[[], Iterable[Scan]], listener: Listener) -> None:
+        """Take over what is known; hand out the scan unless nothing is left to fit."""
+        for member in self.members:
+            known = self.folder.known(member.guid, "first", self.inputs[member.guid])
+            if known is not None:
+                self._results[member.guid], self._facts[member.guid] = light(known[0]), known[1]
+        if all(m.guid in self._results for m in self.members) and not self._open_contests():
+            self.extent = self.folder.scan_extent(self._scan_inputs)
+            return
+        self._hand_out(pieces, listener)
+        self.folder.keep_scan_extent(self._scan_inputs, self.extent)
+
+    def first(self, pool: Pool, listener: Listener) -> None:
+        """Fit every member that is not known."""
+        missing = [i for i, m in enumerate(self.members) if m.guid not in self._results]
+        for outcome in self._run(pool, map(self._task, missing), len(missing), "fitting", listener):
+            facts = {**outcome.facts, "received": self._received(outcome.guid)}
+            if outcome.result is None:
+                self._failures[outcome.guid] = outcome.failure
+                self.folder.forget(outcome.guid)
+                continue
+            self.folder.keep(outcome.guid, "first", self.inputs[outcome.guid], outcome.result, facts)
+            self._results[outcome.guid], self._facts[outcome.guid] = light(outcome.result), facts
+
+    def contest(self, pool: Pool, listener: Listener) -> None:
+        """Let neighbours compete for points, and fit again those who lose some. All start from the first fits."""
+        rivals, inputs = self._rivals(), self._contest_inputs()
+        open_ones = []
+        finals: dict[str, tuple[FitResult, Facts]] = {}
+        for i, fp in inputs.items():
+            guid = self.members[i].guid
+            known = self.folder.known(guid, "final", fp)
+            if known is None:
+                open_ones.append(i)
+            else:
+                finals[guid] = light(known[0]), known[1]
+        claimants = {j: Claimant.of(self._results[self.members[j].guid]) for i in open_ones for j in rivals[i]}
+
+        def tasks() -> Iterator[Task]:
+            for i in open_ones:
+                first = self._results[self.members[i].guid]
+                others = tuple(claimants[j] for j in rivals[i])
+                yield replace(self._task(i), first=first, rivals=others)
+
+        index = {m.guid: i for i, m in enumerate(self.members)}
+        for outcome in self._run(pool, tasks(), len(open_ones), "settling between neighbours", listener):
+            guid = outcome.guid
+            fp = inputs[index[guid]]
+            facts = {**self._facts[guid], **outcome.facts}
+            if outcome.failure:
+                self._failures[guid] = outcome.failure
+                self.folder.forget(guid)
+            elif outcome.result is None:
+                self.folder.unchanged(guid, fp, facts)
+                finals[guid] = self._results[guid], facts
+            else:
+                self.folder.keep(guid, "final", fp, outcome.result, facts)
+                finals[guid] = light(outcome.result), facts
+        for guid, (result, facts) in finals.items():
+            self._results[guid], self._facts[guid] = result, facts
+        for guid in self._failures:
+            self._results.pop(guid, None)
+
+    def _run(self, pool: Pool, tasks: Iterable[Task], count: int, stage: str, listener: Listener) -> Iterator[Outcome]:
+        began, done = time.perf_counter(), 0
+        if count:
+            listener(stage, 0, count, NAN)
+        for outcome in pool.run(tasks):
+            done += 1
+            self.fitted_now += outcome.result is not None
+            yield outcome
+            listener(stage, done, count, (time.perf_counter() - began) / done * (count - done))
+
+    def _task(self, i: int) -> Task:
+        assert self._spill is not None
+        records, member = self._spill.load(i), self.members[i]
+        points, station = np.ascontiguousarray(records["xyz"]), records["station"].astype(np.int32)
+        stations = self._stations if len(points) and self._stations is not None and station.min() >= 0 else None
+        return Task(
+            member.guid,
+            member.element,
+            points,
+            stations,
+            None if stations is None else station,
+            self.settings,
+            self._obstacles(i),
+            self._reach[i],
+        )
+
+    def _obstacles(self, i: int) -> Mesh:
+        return self._field.near(boxes_of(self.members[i].element, self._reach[i]))
+
+    def _received(self, guid: str) -> int:
+        assert self._spill is not None
+        return int(self._spill.received[[m.guid for m in self.members].index(guid)])
+
+    def _rivals(self) -> dict[int, list[int]]:
+        """Return for each member that has a result those with a result whose bodies may touch its own."""
+        if not self.options.contest:
+            return {}
+        near = Neighbourhoods.of([m.element for m in self.members], [RIVAL_REACH_M + r / 2 for r in self._reach])
+        have = {i for i, m in enumerate(self.members) if m.guid in self._results}
+        return {i: [j for j in others if j in have] for i, others in near.neighbours().items() if i in have}
+
+    def _contest_inputs(self) -> dict[int, str]:
+        """Return for each member in a contest the fingerprint of what that hangs on."""
+        out = {}
+        for i, others in self._rivals().items():
+            if others:
+                guids = [self.members[j].guid for j in others]
+                out[i] = fingerprint(self.inputs[self.members[i].guid], [self.inputs[guid] for guid in guids])
+        return out
+
+    def _open_contests(self) -> bool:
+        inputs = self._contest_inputs()
+        return not all(self.folder.has(self.members[i].guid, "final", fp) for i, fp in inputs.items())
+
+    def _hand_out(self, pieces: Callable[[], Iterable[Scan]], listener: Listener) -> None:
+        """Hand out the scan, unless an earlier run came to the end of that."""
+        note = self.folder.scratch / "complete.json"
+        memory = int(self.options.memory_mb * 2**20 / 2)
+        try:
+            done = json.loads(note.read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            done = {}
+        if done.get("inputs") != self._handout_inputs:
+            spill = Spill(self.folder.new_scratch(), len(self.members), self.options.max_points, memory)
+            extent = hand_out(
+                pieces(), self.neighbourhoods, spill, lambda points: listener("handing out points", points, 0, NAN)
+            )
+            done = {
+                "inputs": self._handout_inputs,
+                "received": spill.received.tolist(),
+                "stations": extent.stations,
+                "extent": {
+                    "points": extent.points,
+                    "in_a_neighbourhood": extent.handed_out,
+                    "low_m": extent.low_m.tolist(),
+                    "high_m": extent.high_m.tolist(),
+                },
+            }
+            write_atomically(note, json.dumps(done) + "\n")
+        else:
+            spill = Spill(self.folder.scratch, len(self.members), self.options.max_points, memory)
+            spill.received[:] = done["received"]
+        self._spill, self.extent = spill, done["extent"]
+        self._stations = np.array(done["stations"]) if done["stations"] else None
+
+
+def _reach_m(member: Member, options: ModelFitOptions) -> float:
+    element = member.element
+    loose = element.placement_tolerance.translation_m if element.start in ("free", "roller") else 0.0
+    return options.reach_m + loose

@@ -1,0 +1,193 @@
+"""RunFolder: the output folder, and what of it a run that starts again need not do again.
+
+A finished element is taken over when the fingerprint of everything its fit hangs on is the
+same: design, settings, what stands around it, the scan files and the versions.
+"""
+
+from __future__ import annotations
+
+import hashlib
+import json
+import os
+import re
+import shutil
+from collections.abc import Sequence
+from dataclasses import replace
+from pathlib import Path
+from typing import Any
+
+from linear_ik.atomic import write_atomically
+from linear_ik.errors import LinearIkError, OutputError
+from linear_ik.exports.result_json import read_result, write_result
+from linear_ik.result import FitResult
+
+SAFE = re.compile(r"[0-9A-Za-z_$-]{1,64}\Z")
+STATE = "run_state"
+STAGES = ("first", "final")
+Facts = dict[str, Any]
+
+
+def fingerprint(*parts: object) -> str:
+    """Return a hash of values that JSON knows, the same on every machine."""
+    text = json.dumps(parts, sort_keys=True, ensure_ascii=True)
+    return hashlib.sha256(text.encode()).hexdigest()
+
+
+def file_stems(guids: Sequence[str]) -> dict[str, str]:
+    """Return a file name without ending for each GlobalId: itself, wherever a file system takes it.
+
+    Some file systems take no difference between capitals and small letters: of two names that
+    differ in nothing else the later gets a suffix.
+    """
+    stems: dict[str, str] = {}
+    taken: set[str] = set()
+    for guid in guids:
+        stem = guid
+        if not SAFE.match(guid) or guid.lower() in taken:
+            stem = re.sub(r"[^0-9A-Za-z_$-]", "_", guid)[:40] + "-" + hashlib.sha256(guid.encode()).hexdigest()[:8]
+        stems[guid] = stem
+        taken.add(stem.lower())
+    return stems
+
+
+class RunFolder:
+    """The output folder of a run.
+
+    Attributes:
+        path: the folder.
+        scratch: where points wait, gone when the run is complete.
+    """
+
+    def __init__(self, path: Path, guids: Sequence[str]) -> None:
+        """Name the files; nothing is made yet."""
+        self.path, self._stems = path, file_stems(guids)
+        self.scratch = path / STATE / "points"
+        self._made = False
+
+    def make(self) -> None:
+        """Make the folders.
+
+        Raises:
+            OutputError: they cannot be made.
+        """
+        self._made = not self.path.exists()
+        try:
+            for folder in (self.path / "elements", self.path / STATE / "first"):
+                folder.mkdir(parents=True, exist_ok=True)
+        except OSError as error:
+            raise OutputError(self.path, f"cannot be written: {error.strerror}", "a folder that can be made") from None
+
+    def element_path(self, guid: str) -> Path:
+        """Return where an element's result is."""
+        return self.path / "elements" / f"{self._stems[guid]}.json"
+
+    def known(self, guid: str, stage: str, inputs: str) -> tuple[FitResult, Facts] | None:
+        """Return the result of an earlier run and its facts, or None where something has changed.
+
+        Args:
+            guid: of the element.
+            stage: first or final.
+            inputs: fingerprint of what the fit hangs on now.
+        """
+        found = self._found(guid, stage, inputs)
+        if found is None:
+            return None
+        try:
+            return read_result(found[0]), found[1]
+        except LinearIkError:
+            return None
+
+    def has(self, guid: str, stage: str, inputs: str) -> bool:
+        """Say whether `known` would find something."""
+        return self._found(guid, stage, inputs) is not None
+
+    def _found(self, guid: str, stage: str, inputs: str) -> tuple[Path, Facts] | None:
+        record = self._records(guid).get(stage, {})
+        if record.get("inputs") != inputs:
+            return None
+        paths = [self.element_path(guid)] if stage == "final" else [self._first_path(guid), self.element_path(guid)]
+        for path in paths:
+            try:
+                if _sha256(path) == record["sha256"]:
+                    return path, dict(record["facts"])
+            except (OSError, KeyError, TypeError, ValueError):
+                continue
+        return None
+
+    def keep(self, guid: str, stage: str, inputs: str, result: FitResult, facts: Facts) -> None:
+        """Write a result; it is taken over later only when this came to its end.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        path, records = self.element_path(guid), self._records(guid)
+        if stage == "final" and path.exists():
+            # The contest starts from the first result when the run is repeated.
+            os.replace(path, self._first_path(guid))
+        elif stage == "first":
+            self._first_path(guid).unlink(missing_ok=True)
+            records = {}
+        write_result(result, path)
+        records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
+        write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+
+    def unchanged(self, guid: str, inputs: str, facts: Facts) -> None:
+        """Note that the contest left the first result as it is: it is final."""
+        records = self._records(guid)
+        records["final"] = {**records["first"], "inputs": inputs, "facts": facts}
+        write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+
+    def forget(self, guid: str) -> None:
+        """Remove what an earlier run left of an element that has failed now."""
+        for path in (self._state_path(guid), self._first_path(guid), self.element_path(guid)):
+            path.unlink(missing_ok=True)
+
+    def scan_extent(self, inputs: str) -> dict[str, Any]:
+        """Return what an earlier run read of the same scan for the same elements; empty when it is not known."""
+        try:
+            kept = json.loads((self.path / STATE / "scan.extent").read_text(encoding="utf-8"))
+            return dict(kept["extent"]) if kept["inputs"] == inputs else {}
+        except (OSError, ValueError, KeyError, TypeError):
+            return {}
+
+    def keep_scan_extent(self, inputs: str, extent: dict[str, Any]) -> None:
+        """Keep what was read of the scan."""
+        write_atomically(self.path / STATE / "scan.extent", json.dumps({"inputs": inputs, "extent": extent}) + "\n")
+
+    def new_scratch(self) -> Path:
+        """Return an empty folder for points."""
+        shutil.rmtree(self.scratch, ignore_errors=True)
+        self.scratch.mkdir(parents=True)
+        return self.scratch
+
+    def clear_scratch(self) -> None:
+        """Remove the points."""
+        shutil.rmtree(self.scratch, ignore_errors=True)
+
+    def take_back(self) -> None:
+        """Leave nothing of a run that could not start."""
+        self.clear_scratch()
+        if self._made:
+            shutil.rmtree(self.path, ignore_errors=True)
+
+    def _first_path(self, guid: str) -> Path:
+        return self.path / STATE / "first" / f"{self._stems[guid]}.json"
+
+    def _state_path(self, guid: str) -> Path:
+        return self.path / STATE / f"{self._stems[guid]}.json"
+
+    def _records(self, guid: str) -> dict[str, Any]:
+        try:
+            records = json.loads(self._state_path(guid).read_text(encoding="utf-8"))
+        except (OSError, ValueError):
+            return {}
+        return records if isinstance(records, dict) else {}
+
+
+def light(result: FitResult) -> FitResult:
+    """Return a result with the last iteration's record alone: thousands of elements are kept in memory."""
+    return replace(result, history=result.history[-1:])
+
+
+def _sha256(path: Path) -> str:
+    return hashlib.sha256(path.read_bytes()).hexdigest()

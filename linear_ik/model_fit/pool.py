@@ -1,0 +1,136 @@
+"""Pool: where tasks are done; in this process, or in some of their own on this machine.
+
+Each process is an executor of its own with one task at a time, so that when one dies it is
+known which task it died of: that task gets a second process, and after that it has failed.
+"""
+
+from __future__ import annotations
+
+import os
+import signal
+import threading
+from collections.abc import Iterable, Iterator
+from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
+from concurrent.futures.process import BrokenProcessPool
+from contextlib import contextmanager
+from multiprocessing import connection, get_context, parent_process
+from typing import Protocol
+
+from linear_ik.model_fit.tasks import Outcome, Task, run_task
+from linear_ik.quick_open3d import defer_plots
+
+# Read by BLAS and OpenMP when they are loaded: processes that share cores must not each use all of them.
+THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
+MOST_ATTEMPTS = 2
+DIED = f"its process was killed or crashed, {MOST_ATTEMPTS} times (out of memory?)"
+
+
+class Pool(Protocol):
+    """Somewhere tasks are done."""
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        """Yield the outcome of every task, in the order they end; tasks are taken as they are needed."""
+        ...
+
+    def close(self) -> None:
+        """Let go of what is held."""
+        ...
+
+
+class InProcess:
+    """This process does the tasks, one by one."""
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        """Yield the outcome of every task in turn."""
+        yield from map(run_task, tasks)
+
+    def close(self) -> None:
+        """Nothing is held."""
+
+
+class Processes:
+    """Some processes of this machine do the tasks."""
+
+    def __init__(self, workers: int) -> None:
+        """Start none yet: the first tasks do."""
+        self._executors: list[ProcessPoolExecutor | None] = [None] * workers
+
+    def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
+        """Yield the outcome of every task, in the order they end."""
+        waiting, again = iter(tasks), list[tuple[Task, int]]()
+        running: dict[Future[Outcome], tuple[int, Task, int]] = {}
+        idle = list(range(len(self._executors)))
+        while True:
+            while idle:
+                task, attempt = again.pop() if again else (next(waiting, None), 1)
+                if task is None:
+                    break
+                slot = idle.pop()
+                running[self._submit(slot, task)] = slot, task, attempt
+            if not running:
+                return
+            for future in wait(running, return_when=FIRST_COMPLETED).done:
+                slot, task, attempt = running.pop(future)
+                idle.append(slot)
+                try:
+                    outcome = future.result()
+                except BrokenProcessPool:
+                    self._drop(slot)
+                    if attempt < MOST_ATTEMPTS:
+                        again.append((task, attempt + 1))
+                        continue
+                    outcome = Outcome(task.guid, failure=DIED)
+                yield outcome
+
+    def close(self) -> None:
+        """Let the processes end."""
+        for slot in range(len(self._executors)):
+            self._drop(slot)
+
+    def _submit(self, slot: int, task: Task) -> Future[Outcome]:
+        for _ in range(MOST_ATTEMPTS):
+            executor = self._executors[slot]
+            if executor is None:
+                executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=prepare_worker)
+                self._executors[slot] = executor
+            try:
+                with one_thread_each():
+                    return executor.submit(run_task, task)
+            except BrokenProcessPool:
+                # It died while it had nothing to do.
+                self._drop(slot)
+        raise BrokenProcessPool("no process stays alive; a script that calls fit_model needs `if __name__ == ...`")
+
+    def _drop(self, slot: int) -> None:
+        executor, self._executors[slot] = self._executors[slot], None
+        if executor is not None:
+            executor.shutdown(wait=False, cancel_futures=True)
+
+
+@contextmanager
+def one_thread_each() -> Iterator[None]:
+    """Let processes that are started now use one thread each."""
+    before = {name: os.environ.get(name) for name in THREADS}
+    os.environ.update(dict.fromkeys(THREADS, "1"))
+    try:
+        yield
+    finally:
+        for name, value in before.items():
+            if value is None:
+                del os.environ[name]
+            else:
+                os.environ[name] = value
+
+
+def prepare_worker() -> None:
+    """Start quickly, leave Ctrl-C to the parent, and end when it does, however it ends."""
+    defer_plots()
+    signal.signal(signal.SIGINT, signal.SIG_IGN)
+    threading.Thread(target=_end_with_parent, daemon=True).start()
+
+
+def _end_with_parent() -> None:
+    parent = parent_process()
+    if parent is not None:
+        connection.wait([parent.sentinel])
+        os._exit(1)

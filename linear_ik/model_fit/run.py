@@ -1,0 +1,190 @@
+"""The run: a design model and a site's scan in, a folder of as-built elements out."""
+
+from __future__ import annotations
+
+import json
+import os
+import time
+from collections.abc import Iterator, Sequence
+from dataclasses import asdict, dataclass
+from pathlib import Path
+
+import numpy as np
+
+from linear_ik.atomic import write_atomically
+from linear_ik.design_model import DesignModel
+from linear_ik.errors import LinearIkError
+from linear_ik.exports.result_json import versions
+from linear_ik.model_fit.asbuilt import write_asbuilt
+from linear_ik.model_fit.colours import colour_scan
+from linear_ik.model_fit.fits import Fits, Listener, Row
+from linear_ik.model_fit.folder import RunFolder, fingerprint
+from linear_ik.model_fit.options import ModelFitOptions
+from linear_ik.model_fit.placing import scan_to_model, why_nothing
+from linear_ik.model_fit.pool import InProcess, Pool, Processes
+from linear_ik.model_fit.selection import select
+from linear_ik.model_fit.table import write_table
+from linear_ik.readers import CHUNK_POINTS, iter_scan
+from linear_ik.scan import Scan
+from linear_ik.settings import FitSettings
+from linear_ik.site.handout import moved
+
+SCHEMA = "linear_ik/run/1"
+ASBUILT = "asbuilt.ifc"
+BYTES_A_POINT = 400  # while a piece of the scan is handed out
+
+
+@dataclass(frozen=True, eq=False)
+class ModelFit:
+    """What a run found.
+
+    Attributes:
+        rows: one for each element, in the design's order.
+        folder: where the files are.
+        counts: how many elements there are of each status.
+        files: names of the files in the folder beside ``elements``.
+        notes: plain sentences on what was left out and why.
+    """
+
+    rows: tuple[Row, ...]
+    folder: Path
+    counts: dict[str, int]
+    files: tuple[str, ...]
+    notes: tuple[str, ...]
+
+    @property
+    def fitted(self) -> int:
+        """Number of elements that are in the scan."""
+        return sum(n for status, n in self.counts.items() if status not in ("not_scanned", "failed"))
+
+
+def fit_model(
+    design: str | os.PathLike[str] | DesignModel,
+    scan_paths: Sequence[str | os.PathLike[str]],
+    output_folder: str | os.PathLike[str],
+    settings: FitSettings | None = None,
+    options: ModelFitOptions | None = None,
+    on_progress: Listener | None = None,
+) -> ModelFit:
+    """Fit every linear element of a design model to one scan of the site.
+
+    Results are in the model's coordinates. A run that was interrupted goes on where it
+    stopped when it is started again; elements whose inputs are unchanged are not fitted again.
+
+    Args:
+        design: an IFC file, or a model.
+        scan_paths: one or more files of one scan.
+        output_folder: gets ``elements/<GlobalId>.json``, ``elements.csv``, ``deviation.ply``,
+            ``deviation.laz``, ``asbuilt.ifc`` (from an IFC file) and ``run.json``.
+        settings: of each element's fit.
+        options: of the run.
+        on_progress: called with each step, see `Listener`.
+
+    Raises:
+        LinearIkError: bad input; nothing was written then.
+    """
+    settings, options = settings or FitSettings(), options or ModelFitOptions()
+    listener = on_progress or (lambda *_: None)
+    began = time.perf_counter()
+    chunk = int(min(CHUNK_POINTS, max(10_000, options.memory_mb * 2**20 / 4 / BYTES_A_POINT)))
+    paths = [Path(path) for path in scan_paths]
+    if not paths:
+        raise LinearIkError("scan", "no files", "at least one")
+
+    def pieces() -> Iterator[Scan]:
+        for path in paths:
+            yield from moved(iter_scan(path, chunk), T)
+
+    for path in paths:
+        iter_scan(path, chunk)  # says at once what can be seen from outside
+    listener("reading the design", 0, 0, float("nan"))
+    design_path = None if isinstance(design, DesignModel) else Path(design)
+    model = design if isinstance(design, DesignModel) else _read_design(Path(design), listener)
+    T = scan_to_model(model, options)
+    members, obstacles = select(model, options)
+    folder = RunFolder(Path(output_folder), [member.guid for member in members])
+    pool = make_pool(options, len(members))
+    try:
+        folder.make()
+        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths), T)
+        timings: dict[str, float] = {}
+        try:
+            fits.prepare(pieces, listener)
+        except LinearIkError:
+            folder.take_back()
+            raise
+        timings["hand_out"] = time.perf_counter() - began
+        fits.first(pool, listener)
+        timings["first_fits"] = time.perf_counter() - began - sum(timings.values())
+        fits.contest(pool, listener)
+        timings["contest"] = time.perf_counter() - began - sum(timings.values())
+    finally:
+        pool.close()
+    files, notes = ["elements.csv"], list(model.notes)
+    if fits.extent and not fits.extent["in_a_neighbourhood"]:
+        notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
+    write_table(fits.rows, folder.path / "elements.csv")
+    wanted = fingerprint(sorted(fits.inputs.items()), options.legend_m)
+    coloured = colour_scan(pieces, fits, folder.path, options, wanted, listener)
+    files += coloured.files
+    notes += coloured.notes
+    if design_path is not None:
+        listener("writing asbuilt.ifc", 0, 0, float("nan"))
+        notes += write_asbuilt(design_path, fits.results, folder.path / ASBUILT)
+        files.append(ASBUILT)
+    timings["files"] = time.perf_counter() - began - sum(timings.values())
+    timings["total"] = time.perf_counter() - began
+    counts: dict[str, int] = {}
+    for row in fits.rows:
+        counts[row.status] = counts.get(row.status, 0) + 1
+    report = {
+        "schema": SCHEMA,
+        "design": model.source,
+        "scans": [path.name for path in paths],
+        "coordinates": "the model's; " + ("as the scan's" if T is None else "T_model_scan was used"),
+        "T_model_scan": (np.eye(4) if T is None else T).tolist(),
+        "counts": {"elements": len(members), **counts},
+        "left_out": [asdict(left) for left in model.left_out],
+        "notes": notes,
+        "settings": asdict(settings),
+        "options": {k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler")},
+        "deviation": coloured.legend,
+        "inputs": wanted,
+        "scan_points": fits.extent,
+        "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": fits.fitted_now},
+        "timings_s": timings,
+        "versions": versions(),
+    }
+    write_atomically(folder.path / "run.json", json.dumps(report, indent=1, default=list) + "\n")
+    folder.clear_scratch()
+    return ModelFit(tuple(fits.rows), folder.path, counts, (*files, "run.json"), tuple(notes))
+
+
+def make_pool(options: ModelFitOptions, elements: int) -> Pool:
+    """Return where the elements are fitted."""
+    if options.scheduler is not None:
+        from linear_ik.model_fit.cluster import Cluster
+
+        return Cluster(options.scheduler)
+    if options.workers == 0:
+        return InProcess()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Processes(max(1, min(options.workers or cores, elements)))
+
+
+def scan_inputs(paths: Sequence[Path]) -> list[list[object]]:
+    """Return what tells whether scan files are still the same: place, size and time of change."""
+    out: list[list[object]] = []
+    for path in paths:
+        stat = path.stat()
+        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns])
+    return out
+
+
+def _read_design(path: Path, listener: Listener) -> DesignModel:
+    from linear_ik.bim import read_design
+
+    def on_progress(done: int, total: int) -> None:
+        listener("reading the design", done, total, float("nan"))
+
+    return read_design(path, on_progress=on_progress)

@@ -1,0 +1,150 @@
+"""Table: one line an element, units in the names of the columns, every figure beside its 95 % band."""
+
+from __future__ import annotations
+
+import csv
+import io
+import math
+from collections.abc import Sequence
+from pathlib import Path
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.atomic import write_atomically
+from linear_ik.deviation import Figure, deviations
+from linear_ik.model_fit.fits import Row
+from linear_ik.result import FitResult
+
+Array = npt.NDArray[np.float64]
+
+# Two-sided 95 % of a normal distribution.
+BAND_95 = 1.959964
+COLUMNS = (
+    "guid",
+    "ifc_class",
+    "name",
+    "tag",
+    "profile",
+    "length_m",
+    "status",
+    "reasons",
+    "points",
+    "matched_points",
+    "measured_share",
+    "max_offset_mm",
+    "max_offset_band95_mm",
+    "max_offset_at_m",
+    "start_offset_mm",
+    "start_offset_band95_mm",
+    "end_offset_mm",
+    "end_offset_band95_mm",
+    "along_axis_mm",
+    "along_axis_band95_mm",
+    "bow_mm",
+    "bow_band95_mm",
+    "sag_mm",
+    "sag_band95_mm",
+    "sweep_mm",
+    "sweep_band95_mm",
+    "out_of_plumb_mm",
+    "out_of_plumb_band95_mm",
+    "surface_rmse_mm",
+    "range_noise_mm",
+)
+
+
+def write_table(rows: Sequence[Row], path: Path) -> None:
+    """Write the table as CSV (RFC 4180, UTF-8).
+
+    Offsets are across the designed axis, of the nodes; the shift along it stands apart,
+    because surfaces hardly show it. Bow, sag (downwards) and sweep (sideways) are offsets from
+    the chord between the ends, see `deviation`.
+
+    Raises:
+        OutputError: it cannot be written.
+    """
+    text = io.StringIO(newline="")
+    table = csv.DictWriter(text, COLUMNS)
+    table.writeheader()
+    for row in rows:
+        table.writerow(line(row))
+    write_atomically(path, text.getvalue())
+
+
+def line(row: Row) -> dict[str, object]:
+    """Return the values of one element; empty where there are none."""
+    member, result = row.member, row.result
+    values: dict[str, object] = {
+        "guid": member.guid,
+        "ifc_class": member.ifc_class,
+        "name": member.name,
+        "tag": member.tag,
+        "profile": member.profile_name,
+        "length_m": f"{member.element.length_m:.4f}",
+        "status": row.status,
+        "reasons": row.failure if result is None else "; ".join(result.reasons),
+        "points": row.facts.get("received", ""),
+    }
+    if result is None:
+        return values
+    values["matched_points"] = sum(s.points for s in result.segments)
+    measured = sum(s.status == "measured" for s in result.segments)
+    values["measured_share"] = f"{measured / len(result.segments):.2f}"
+    if result.status != "not_scanned":
+        values |= {name: _number(value) for name, value in figures(result).items()}
+    return values
+
+
+def figures(result: FitResult) -> dict[str, float]:
+    """Return the lengths in the table, in the units that their names say."""
+    element = result.element
+    T = element.placement.T_world_element
+    designed = element.design.nodes_m @ T[:3, :3].T + T[:3, 3]
+    tangents = T[:3, :3] @ element.design.rotations[:, :, 2].T
+    tangents = np.column_stack([tangents, tangents[:, -1]]).T
+    off = result.nodes_m - designed
+    along = np.einsum("ki,ki->k", off, tangents)
+    across = off - along[:, None] * tangents
+    size, band = _lengths(across, result.nodes_covariance_m2)
+    k = int(size.argmax())
+    middle = len(along) // 2
+    along_sd = math.sqrt(max(float(tangents[middle] @ result.nodes_covariance_m2[middle] @ tangents[middle]), 0.0))
+    shape = deviations(result)
+    return {
+        "max_offset_mm": 1e3 * size[k],
+        "max_offset_band95_mm": 1e3 * band[k],
+        "max_offset_at_m": k * element.segment_length_m,
+        "start_offset_mm": 1e3 * size[0],
+        "start_offset_band95_mm": 1e3 * band[0],
+        "end_offset_mm": 1e3 * size[-1],
+        "end_offset_band95_mm": 1e3 * band[-1],
+        "along_axis_mm": 1e3 * along[middle],
+        "along_axis_band95_mm": 1e3 * BAND_95 * along_sd,
+        **_figure("bow", shape.bow_m),
+        **_figure("sag", shape.sag_m),
+        **_figure("sweep", shape.sweep_m),
+        **_figure("out_of_plumb", shape.out_of_plumb_m),
+        "surface_rmse_mm": 1e3 * result.surface_rmse_m,
+        "range_noise_mm": 1e3 * result.range_noise_m,
+    }
+
+
+def _lengths(vectors: Array, covariance: Array) -> tuple[Array, Array]:
+    """Return lengths [K] of vectors [K][3] and their 95 % bands; of a zero one, of the widest direction."""
+    size = np.linalg.norm(vectors, axis=1)
+    widest = np.linalg.eigvalsh(covariance)[:, -1]
+    unit = vectors / np.maximum(size, 1e-12)[:, None]
+    variance = np.where(size > 1e-9, np.einsum("ki,kij,kj->k", unit, covariance, unit), widest)
+    return size, BAND_95 * np.sqrt(np.maximum(variance, 0.0))
+
+
+def _figure(name: str, figure: Figure) -> dict[str, float]:
+    """Return a figure in metres as two columns; NaN where it says nothing."""
+    value = math.nan if figure.value is None else 1e3 * figure.value
+    band = math.nan if figure.band is None else 1e3 * figure.band
+    return {f"{name}_mm": value, f"{name}_band95_mm": band}
+
+
+def _number(value: float) -> str:
+    return f"{value:.3f}" if math.isfinite(value) else ""

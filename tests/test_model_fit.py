@@ -1,0 +1,368 @@
+"""The fit of a whole model: what is written, what is taken over, and what it does not hang on."""
+
+from __future__ import annotations
+
+import csv
+import json
+import shutil
+from dataclasses import replace
+
+import laspy
+import numpy as np
+import pytest
+from site_samples import ABSENT, GUIDS, design, only, site
+
+import linear_ik
+from linear_ik.design_model import MapConversion
+from linear_ik.element import Placement
+from linear_ik.errors import LinearIkError, OutputError, ScanError, SettingsError
+from linear_ik.model_fit import ModelFitOptions, fit_model
+from linear_ik.model_fit.folder import file_stems
+from linear_ik.model_fit.options import check_rigid
+
+HERE = {"workers": 0}
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    return site(tmp_path_factory.mktemp("site"))
+
+
+@pytest.fixture(scope="module")
+def done(built, tmp_path_factory):
+    """A run in this process, which tests look at and leave alone."""
+    folder = tmp_path_factory.mktemp("asbuilt")
+    found = fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE))
+    return found, folder
+
+
+def table(folder):
+    with (folder / "elements.csv").open(newline="", encoding="utf-8") as file:
+        return {row["guid"]: row for row in csv.DictReader(file)}
+
+
+def contents(folder):
+    """All files of a run, without times and dates."""
+    out = {}
+    for path in sorted(folder.rglob("*")):
+        name = str(path.relative_to(folder))
+        if path.is_dir() or name.startswith("run_state"):
+            continue
+        if name == "run.json":
+            report = json.loads(path.read_text())
+            out[name] = {k: v for k, v in report.items() if k not in ("timings_s", "where")}
+        elif path.suffix == ".json":
+            out[name] = {k: v for k, v in json.loads(path.read_text()).items() if k != "timings_s"}
+        elif path.suffix != ".laz":  # its header carries the date
+            out[name] = path.read_bytes()
+    return out
+
+
+def test_every_member_is_fitted_to_its_own_points(built, done):
+    found, folder = done
+    assert found.counts == {"converged": 4, "not_scanned": 1}
+    assert found.fitted == 4
+    for guid, nodes in built.truth.items():
+        result = linear_ik.read_result(folder / "elements" / f"{guid}.json")
+        assert result.status == "converged", result.reasons
+        error = result.nodes_m - nodes
+        axis = result.element.placement.T_world_element[:3, 2]
+        assert np.abs(error - np.outer(error @ axis, axis)).max() < 1e-3
+
+
+def test_what_is_not_scanned_is_written_and_says_so(done):
+    _, folder = done
+    result = linear_ik.read_result(folder / "elements" / f"{ABSENT}.json")
+    assert result.status == "not_scanned"
+    assert result.reasons == ("the element is not in the scan: no points within 200 mm of its designed surface",)
+    row = table(folder)[ABSENT]
+    assert (row["status"], row["points"], row["matched_points"], row["max_offset_mm"]) == ("not_scanned", "0", "0", "")
+
+
+def test_the_table_has_a_line_an_element_in_the_designs_order(built, done):
+    found, folder = done
+    rows = table(folder)
+    assert list(rows) == [m.guid for m in built.design.members]
+    column = rows[GUIDS[0]]
+    assert (column["ifc_class"], column["tag"], column["length_m"]) == ("IfcColumn", "T0", "2.0000")
+    assert 0 < float(column["max_offset_band95_mm"]) < 3
+    assert int(column["matched_points"]) > 1200
+    nodes = built.truth[GUIDS[0]]
+    start = np.hypot(*nodes[0, :2])
+    assert float(column["start_offset_mm"]) == pytest.approx(1e3 * start, abs=1.0)
+    plumb = np.hypot(*(nodes[-1] - nodes[0])[:2])
+    assert float(column["out_of_plumb_mm"]) == pytest.approx(1e3 * plumb, abs=1.0)
+    assert column["sag_mm"] == ""  # of a column
+    assert rows[GUIDS[1]]["sag_mm"] != ""
+
+
+def test_the_scan_is_coloured_by_its_distance_from_the_design(built, done):
+    _, folder = done
+    with laspy.open(folder / "deviation.laz") as file:
+        las = file.read()
+    xyz = np.column_stack([las.x, las.y, las.z])
+    element, deviation = np.asarray(las.element), np.asarray(las.deviation_m)
+    assert set(np.unique(element)) == {1, 2, 3, 4}
+    assert 5700 < len(xyz) <= 6100  # all four members, without the floor
+    pipe = element == 3
+    radius = np.hypot(xyz[pipe, 1] - 1.0, xyz[pipe, 2] - 1.0)
+    assert np.abs(radius - 0.05 - deviation[pipe]).max() < 2e-4
+    red, blue = np.asarray(las.red), np.asarray(las.blue)
+    assert (red[deviation > 0.005] > blue[deviation > 0.005]).all()
+    assert (red[deviation < -0.005] < blue[deviation < -0.005]).all()
+    scan = linear_ik.read_scan(folder / "deviation.ply")
+    assert np.abs(np.sort(scan.points, axis=0) - np.sort(xyz, axis=0)).max() < 1e-4
+    head = (folder / "deviation.ply").read_bytes()[:800]
+    assert b"property float scalar_deviation_m" in head
+    assert b"blue -0.02 m, grey 0, red +0.02 m" in head
+
+
+def test_the_report_says_how_it_came_about(built, done):
+    _, folder = done
+    report = json.loads((folder / "run.json").read_text())
+    assert report["counts"] == {"elements": 5, "converged": 4, "not_scanned": 1}
+    assert report["coordinates"] == "the model's; as the scan's"
+    assert report["left_out"][0]["reason"] == "it is not slender"
+    assert report["scan_points"]["points"] == 8000
+    assert report["options"]["max_points"] == 100_000
+    assert "total" in report["timings_s"]
+
+
+def test_nothing_is_left_but_what_is_said(done):
+    found, folder = done
+    names = {p.name for p in folder.iterdir()}
+    assert names == {"elements", "run_state", *found.files}
+    assert not (folder / "run_state" / "points").exists()
+    assert not list(folder.rglob(".linear_ik-*"))
+
+
+def test_a_second_run_fits_nothing_again(built, done, tmp_path):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    times = {p: p.stat().st_mtime_ns for p in (folder / "elements").iterdir()}
+    stages = set()
+    fit_model(
+        built.design, [built.scan], folder, options=ModelFitOptions(**HERE), on_progress=lambda *a: stages.add(a[0])
+    )
+    assert {p: p.stat().st_mtime_ns for p in (folder / "elements").iterdir()} == times
+    assert stages == {"reading the design"}
+    assert contents(folder) == contents(done[1])
+
+
+@pytest.mark.parametrize("what", ["design", "settings", "scan", "max_points"])
+def test_what_has_changed_is_fitted_again(built, done, tmp_path, what):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    model, settings, options, scan = only(built.design, GUIDS[2]), None, HERE, built.scan
+    if what == "design":
+        pipe = model.members[0]
+        longer = replace(pipe, element=replace(pipe.element, segments=5))
+        model = replace(model, members=(longer,))
+    elif what == "settings":
+        settings = linear_ik.FitSettings(seed=3)
+    elif what == "scan":
+        scan = shutil.copy(scan, tmp_path / "other.ply")
+    else:
+        options = {**HERE, "max_points": 1000}
+    before = (folder / "elements" / f"{GUIDS[2]}.json").read_bytes()
+    others = (folder / "elements" / f"{GUIDS[0]}.json").stat().st_mtime_ns
+    fit_model(model, [scan], folder, settings, ModelFitOptions(**options))
+    assert (folder / "elements" / f"{GUIDS[2]}.json").read_bytes() != before
+    assert (folder / "elements" / f"{GUIDS[0]}.json").stat().st_mtime_ns == others
+
+
+def test_a_result_that_somebody_changed_or_removed_is_made_again(built, done, tmp_path):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    (folder / "elements" / f"{GUIDS[0]}.json").unlink()
+    with (folder / "elements" / f"{GUIDS[1]}.json").open("a") as file:
+        file.write(" ")
+    fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE))
+    assert contents(folder) == contents(done[1])
+
+
+def test_workers_and_pieces_change_nothing(built, done, tmp_path):
+    folder = tmp_path / "two"
+    fit_model(built.design, [built.scan], folder, options=ModelFitOptions(workers=2))
+    assert contents(folder) == contents(done[1])
+    fit_model(built.design, [built.scan], folder, options=ModelFitOptions(workers=1))
+    assert contents(folder) == contents(done[1])
+
+
+def test_the_order_of_the_design_changes_no_result(built, done, tmp_path):
+    turned = replace(built.design, members=built.design.members[::-1])
+    fit_model(turned, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    for path in (tmp_path / "elements").iterdir():
+        assert contents(tmp_path)[f"elements/{path.name}"] == contents(done[1])[f"elements/{path.name}"]
+
+
+def test_one_bad_element_never_stops_the_rest(built, tmp_path, monkeypatch):
+    from linear_ik.model_fit import tasks
+
+    real = tasks.fit
+
+    def fit(element, scan, settings):
+        if element.name == "column":
+            raise ZeroDivisionError("of a kind\nnobody thought of")
+        return real(element, scan, settings)
+
+    monkeypatch.setattr(tasks, "fit", fit)
+    found = fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert found.counts == {"failed": 1, "converged": 3, "not_scanned": 1}
+    row = table(tmp_path)[GUIDS[0]]
+    assert (row["status"], row["reasons"]) == ("failed", "ZeroDivisionError: of a kind nobody thought of")
+    assert not (tmp_path / "elements" / f"{GUIDS[0]}.json").exists()
+    monkeypatch.undo()
+    again = fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert again.counts == {"converged": 4, "not_scanned": 1}
+
+
+def test_a_scan_of_something_else_finds_nothing(built, tmp_path):
+    model = only(built.design, ABSENT)
+    found = fit_model(model, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert found.fitted == 0
+    assert not (tmp_path / "deviation.ply").exists()
+    assert "deviation.ply" not in found.files
+
+
+def test_a_scan_in_other_coordinates_is_moved_into_the_models(built, done, tmp_path):
+    T = np.eye(4)
+    T[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]
+    T[:3, 3] = (-500000.0, 5400000.0, 30.0)
+    points = linear_ik.read_scan(built.scan).points
+    linear_ik.write_scan(linear_ik.Scan((points - T[:3, 3]) @ T[:3, :3]), tmp_path / "map.ply")
+    folder = tmp_path / "asbuilt"
+    model = only(built.design, GUIDS[2])
+    fit_model(model, [tmp_path / "map.ply"], folder, options=ModelFitOptions(**HERE, T_model_scan=T))
+    result = linear_ik.read_result(folder / "elements" / f"{GUIDS[2]}.json")
+    assert np.abs(result.nodes_m - built.truth[GUIDS[2]])[:, 1:].max() < 1e-3
+    report = json.loads((folder / "run.json").read_text())
+    assert report["T_model_scan"] == T.tolist()
+    assert report["coordinates"] == "the model's; T_model_scan was used"
+
+
+def test_a_scan_in_the_maps_coordinates(built, tmp_path):
+    T = np.eye(4)
+    T[:3, :3] = 0.9996 * np.array([[0.8, -0.6, 0], [0.6, 0.8, 0], [0, 0, 1]])
+    T[:3, 3] = (500000.0, 5400000.0, 100.0)
+    points = linear_ik.read_scan(built.scan).points
+    linear_ik.write_scan(linear_ik.Scan(points @ T[:3, :3].T + T[:3, 3]), tmp_path / "map.ply")
+    model = replace(only(built.design, GUIDS[2]), map_conversion=MapConversion(T, "EPSG:25832"))
+    found = fit_model(model, [tmp_path / "map.ply"], tmp_path / "a", options=ModelFitOptions(**HERE))
+    assert found.notes == ("no point is near an element: the scan seems to be in the map's coordinates (--map)",)
+    fit_model(model, [tmp_path / "map.ply"], tmp_path / "b", options=ModelFitOptions(**HERE, map_coordinates=True))
+    result = linear_ik.read_result(tmp_path / "b" / "elements" / f"{GUIDS[2]}.json")
+    assert np.abs(result.nodes_m - built.truth[GUIDS[2]])[:, 1:].max() < 1e-3
+    with pytest.raises(SettingsError, match="no map conversion"):
+        fit_model(built.design, [built.scan], tmp_path / "c", options=ModelFitOptions(**HERE, map_coordinates=True))
+
+
+@pytest.mark.parametrize(
+    ("change", "hint"),
+    [
+        (1000.0, ": the scan seems to be in millimetres"),
+        (1.0, ", though the scan is where the design is"),
+        (None, ": the scan and the design are 860.7 m apart (--transform)"),
+    ],
+)
+def test_a_scan_elsewhere_is_told_why(built, tmp_path, change, hint):
+    points = linear_ik.read_scan(built.scan).points
+    moved = points + 500.0 if change is None else points * change
+    linear_ik.write_scan(linear_ik.Scan(moved), tmp_path / "scan.ply")
+    pipe = only(built.design, GUIDS[2]).members[0]
+    if change == 1.0:
+        placement = Placement((0.5, 1.0, 1.6), (1, 0, 0))
+        pipe = replace(pipe, element=replace(pipe.element, placement=placement))
+    model = replace(design(), members=(pipe,))
+    found = fit_model(model, [tmp_path / "scan.ply"], tmp_path / "out", options=ModelFitOptions(**HERE))
+    assert found.fitted == 0
+    assert found.notes == (f"no point is near an element{hint}",)
+
+
+def test_a_selection_by_class_and_guid(built, tmp_path):
+    chosen = ModelFitOptions(**HERE, classes=["ifcpipesegment"], only=[GUIDS[3], GUIDS[0]], segments=3)
+    found = fit_model(built.design, [built.scan], tmp_path, options=chosen)
+    assert [row.member.guid for row in found.rows] == [GUIDS[3]]
+    assert found.rows[0].result.element.segments == 3
+
+
+def test_wrong_choices_name_the_right_ones(built, tmp_path):
+    folder = tmp_path / "none"
+    cases = [
+        ({"only": [GUIDS[0][:-1]]}, f"only: {GUIDS[0][:-1]} is not in the design ({GUIDS[0]}?)"),
+        ({"only": ["5plate00000000000000$_"]}, "is not fitted: it is not slender"),
+        ({"classes": ["IfcSlab"]}, "IfcBeam, IfcColumn, IfcMember, IfcPipeSegment"),
+        ({"only": [GUIDS[0]], "classes": ["IfcBeam"]}, "no element is in both"),
+    ]
+    for change, text in cases:
+        with pytest.raises(LinearIkError) as caught:
+            fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE, **change))
+        assert text in str(caught.value)
+    for name, value in (("workers", -1), ("max_points", 5), ("memory_mb", 1), ("reach_m", -1), ("segments", 0)):
+        with pytest.raises(SettingsError, match=name):
+            ModelFitOptions(**{name: value})
+    assert not folder.exists()
+
+
+@pytest.mark.parametrize(
+    "wrong", [np.ones((4, 4)), np.eye(3), [[1]], "x", np.diag([2.0, 2, 2, 1]), np.full((4, 4), np.nan)]
+)
+def test_a_transform_that_is_none(wrong):
+    with pytest.raises(SettingsError, match="T"):
+        check_rigid("T", wrong)
+
+
+def test_a_transform_of_few_digits_becomes_a_rotation():
+    c, s = np.cos(0.3), np.sin(0.3)
+    T = check_rigid("T", np.round([[c, -s, 0, 1], [s, c, 0, 2], [0, 0, 1, 3], [0, 0, 0, 1]], 6))
+    assert np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() < 1e-14
+
+
+def test_bad_scans_leave_nothing(built, tmp_path):
+    folder = tmp_path / "asbuilt"
+    with pytest.raises(ScanError, match="no such file"):
+        fit_model(built.design, [tmp_path / "no.ply"], folder, options=ModelFitOptions(**HERE))
+    cut = tmp_path / "cut.ply"
+    cut.write_bytes(built.scan.read_bytes()[:-1000])
+    with pytest.raises(ScanError, match="cut.ply"):
+        fit_model(built.design, [built.scan, cut], folder, options=ModelFitOptions(**HERE))
+    with pytest.raises(LinearIkError, match="at least one"):
+        fit_model(built.design, [], folder, options=ModelFitOptions(**HERE))
+    assert not folder.exists()
+
+
+def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    cut = tmp_path / "cut.ply"
+    cut.write_bytes(built.scan.read_bytes()[:-1000])
+    with pytest.raises(ScanError):
+        fit_model(built.design, [cut], folder, options=ModelFitOptions(**HERE))
+    assert contents(folder) == contents(done[1])
+
+
+def test_a_file_in_the_folders_place(built, tmp_path):
+    (tmp_path / "asbuilt").write_text("mine")
+    with pytest.raises(OutputError):
+        fit_model(built.design, [built.scan], tmp_path / "asbuilt", options=ModelFitOptions(**HERE))
+    assert (tmp_path / "asbuilt").read_text() == "mine"
+
+
+def test_files_are_named_as_every_file_system_takes_it():
+    stems = file_stems(["0Ab$_", "0aB$_", "../evil", "a/b", "", "0ab$_", "x" * 100])
+    assert stems["0Ab$_"] == "0Ab$_"
+    assert len({s.lower() for s in stems.values()}) == len(stems)
+    assert all(
+        s and set(s) <= set("0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_$-") for s in stems.values()
+    )
+    assert all(len(s) <= 64 for s in stems.values())
+
+
+def test_an_element_far_from_the_origin_keeps_its_digits(built, tmp_path):
+    offset = np.array([500000.0, 5400000.0, 100.0])
+    pipe = only(built.design, GUIDS[2]).members[0]
+    here = pipe.element.placement
+    there = Placement(tuple(here.location + offset), here.axis, here.ref_direction)
+    moved = replace(pipe, element=replace(pipe.element, placement=there))
+    points = linear_ik.read_scan(built.scan).points
+    linear_ik.write_scan(linear_ik.Scan(points + offset), tmp_path / "map.ply")
+    model = replace(design(), members=(moved,), obstacles=())
+    fit_model(model, [tmp_path / "map.ply"], tmp_path / "out", options=ModelFitOptions(**HERE))
+    result = linear_ik.read_result(tmp_path / "out" / "elements" / f"{GUIDS[2]}.json")
+    assert np.abs(result.nodes_m - offset - built.truth[GUIDS[2]])[:, 1:].max() < 1e-3
