@@ -8,15 +8,16 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.bim.body_check import Agreement, agreement, stood
+from linear_ik.bim.body_check import Agreement, agreement, box_difference_m, stood
 from linear_ik.bim.chain_of_solids import joined
-from linear_ik.bim.mesh_sweep import box_sides, shape, sweep_of_mesh
+from linear_ik.bim.mesh_sweep import box_sides, shape, sweeps_of_mesh
 from linear_ik.bim.profiles import ProfileReader
 from linear_ik.bim.solids import Solid, body_representation, solids_of
 from linear_ik.bim.sweep import Sweep, into, out_of
 from linear_ik.bim.sweeps import SweepReader
 from linear_ik.bim.tessellation import Body, item_body
 from linear_ik.errors import DesignError, ElementError
+from linear_ik.profile import Polygon, Rectangle
 
 Array = npt.NDArray[np.float64]
 
@@ -77,12 +78,13 @@ class MemberReader:
         written, reason = self._written(solid, body.vertices_m)
         if written is not None:
             found = agreement(written, body.vertices_m)
-            if self._agrees(found):
+            if self._agrees(found) or self._is_tube(written, body.vertices_m):
                 if self._slender(written):
                     return Reading(written, solid=solid.item)
                 sides = box_sides(into(written.T_product_start, body.vertices_m))
                 reason = f"it is {shape(sides)}"
-                if sides[1] < self.slenderness * max(sides[0], sides[2]):
+                full = isinstance(written.profile, (Polygon, Rectangle))
+                if not full or sides[1] < self.slenderness * max(sides[0], sides[2]):
                     # Nor is it a bar that was drawn from the side.
                     return Reading(None, reason, solid=solid.item)
             else:
@@ -130,19 +132,22 @@ class MemberReader:
             return None, f"{error.subject} {error.what}"
 
     def _from_mesh(self, body: Body, item: Any) -> Reading:
-        try:
-            sweep = sweep_of_mesh(body.vertices_m, body.triangles, self.profiles, self.slenderness, self.tolerance_m)
-        except (DesignError, ElementError) as error:
-            return Reading(None, f"{error.subject} {error.what}", solid=item)
-        if not self._slender(sweep):
-            return Reading(None, f"it is {shape(box_sides(into(sweep.T_product_start, body.vertices_m)))}", solid=item)
-        found = agreement(sweep, body.vertices_m)
-        if self._agrees(found):
-            return Reading(sweep, solid=item)
-        # A corbel or an end plate belongs to the body, not to the section that most of it has.
-        if sweep.axis_m is None and sweep.profile_end is None:
-            return Reading(sweep, remark=_difference(found), solid=item)
-        return Reading(None, _difference(found), solid=item)
+        found, reason = sweeps_of_mesh(
+            body.vertices_m, body.triangles, self.profiles, self.slenderness, self.tolerance_m
+        )
+        second: Reading | None = None
+        for sweep in found:
+            if not self._slender(sweep):
+                reason = f"it is {shape(box_sides(into(sweep.T_product_start, body.vertices_m)))}"
+                continue
+            compared = agreement(sweep, body.vertices_m)
+            if self._agrees(compared):
+                return Reading(sweep, solid=item)
+            reason = _difference(compared)
+            # A corbel or an end plate belongs to the body, not to the section that most of it has.
+            if second is None and sweep.axis_m is None and sweep.profile_end is None:
+                second = Reading(sweep, remark=reason, solid=item)
+        return second or Reading(None, reason, solid=item)
 
     def _agrees(self, found: Agreement) -> bool:
         return self._holds(found) and found.short_m <= self.tolerance_m
@@ -150,8 +155,17 @@ class MemberReader:
     def _holds(self, found: Agreement) -> bool:
         return found.outside_m <= self.tolerance_m and found.ends_m <= self.tolerance_m
 
+    def _is_tube(self, sweep: Sweep, vertices: Array) -> bool:
+        """Say whether a body is at least as large as a round section along a curve.
+
+        The kernel's tubes around curves have vertices inside themselves, and in places a few
+        millimetres outside.
+        """
+        return sweep.axis_m is not None and box_difference_m(sweep, vertices) <= self.tolerance_m
+
     def _slender(self, sweep: Sweep) -> bool:
-        return sweep.length_m >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
+        # A hair's breadth is rounding.
+        return sweep.length_m + 1e-6 >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
 
 
 def _area(sweep: Sweep) -> float:

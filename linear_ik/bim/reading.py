@@ -13,7 +13,7 @@ import numpy.typing as npt
 from linear_ik.bim.body_check import enough_segments
 from linear_ik.bim.file import open_model
 from linear_ik.bim.georeference import angle_unit_rad, length_unit_m, map_conversion, true_north
-from linear_ik.bim.kernel_repairs import replace_derived_profiles
+from linear_ik.bim.kernel_repairs import mend
 from linear_ik.bim.member_reader import MemberReader
 from linear_ik.bim.products import linear_products, other_products, profile_name, text
 from linear_ik.bim.profiles import ProfileReader
@@ -69,7 +69,7 @@ def read_design(
     others = other_products(model, {product.id() for product, _ in linear}) if how.obstacles else []
     angle_rad = angle_unit_rad(model)
     profiles = ProfileReader(unit_m, angle_rad, how.tolerance_m)
-    replace_derived_profiles(model, profiles, unit_m)
+    mend(model, profiles, unit_m)
     reader = MemberReader(profiles, SweepReader(profiles, unit_m, angle_rad), how.slenderness, how.tolerance_m, unit_m)
     found = dict(bodies(model, [p for p, _ in linear if p.Representation] + others, how.kernel_threads, on_progress))
     members, left_out, unfit = _read_members(reader, linear, found, how)
