@@ -12,6 +12,7 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from linear_ik.align import Alignment, align
     from linear_ik.bending import Bend
     from linear_ik.bim import read_design
     from linear_ik.chain import Chain
@@ -52,6 +53,7 @@ if TYPE_CHECKING:
     __version__: str
 
 _MODULES = {
+    "align": ("Alignment", "align"),
     "bending": ("Bend",),
     "bim": ("read_design",),
     "chain": ("Chain",),
@@ -92,6 +94,7 @@ _MODULES = {
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Alignment",
     "Bend",
     "Chain",
     "Circle",
@@ -124,6 +127,7 @@ __all__ = [
     "UShape",
     "Viewer",
     "__version__",
+    "align",
     "compare",
     "element_from_mapping",
     "element_to_mapping",

@@ -19,6 +19,7 @@ LEAST_SCALE_M = 0.003
 ROUNDS_A_SCALE = 6
 LAST_ROUNDS = 15
 TO_SIGMA = 1.482602  # of a normal distribution, from its median deviation
+FEWEST = 20
 TIGHT_M = 0.02  # within it a point is explained
 
 
@@ -61,11 +62,11 @@ def refine(
         last = scale <= end_m * 1.001
         for _ in range(LAST_ROUNDS if last else ROUNDS_A_SCALE):
             step = _step(target, scan, T, scale, levelled)
-            T = _twist(step) @ T
-            if np.abs(step).max() < 1e-6:
+            T = np.asarray(_twist(step) @ T)
+            if np.abs(step).max() < (1e-3 if last else 1e-2) * scale:
                 break
         if last:
-            return T
+            return np.asarray(T)
         scale = max(scale / 2.0, end_m)
 
 
@@ -74,6 +75,11 @@ def noise_m(target: Target, scan: Array, T_target_scan: Array) -> float:  # noqa
     distance = _distances(target, scan, T_target_scan)
     near = distance[distance < TIGHT_M]
     return TO_SIGMA * float(np.median(near)) if len(near) else LEAST_SCALE_M
+
+
+def share_within(target: Target, scan: Array, T_target_scan: Array, distance_m: float) -> float:  # noqa: N803
+    """Return the share of the scan's points that are so near to the design's faces."""
+    return float((_distances(target, scan, T_target_scan) < distance_m).mean())
 
 
 def quality(target: Target, scan: Array, T_target_scan: Array, spacing_m: float) -> Quality:  # noqa: N803
@@ -85,7 +91,8 @@ def quality(target: Target, scan: Array, T_target_scan: Array, spacing_m: float)
     near = distance < TIGHT_M
     scan_share = float(near.mean())
     rms = float(np.sqrt((distance[near] ** 2).mean())) if near.any() else float("nan")
-    gap, nearest = cKDTree(moved).query(target.samples, distance_upper_bound=1.5 * spacing_m)
+    found, places = cKDTree(moved).query(target.samples, distance_upper_bound=1.5 * spacing_m)
+    gap, nearest = np.asarray(found, dtype=np.float64), np.asarray(places, dtype=np.intp)
     hit = np.isfinite(gap)
     off = np.zeros(len(gap))
     off[hit] = np.abs(np.einsum("ij,ij->i", moved[nearest[hit]] - target.samples[hit], target.normals[hit]))
@@ -101,6 +108,34 @@ def _distances(target: Target, scan: Array, T: Array) -> Array:  # noqa: N803
 
 def _step(target: Target, scan: Array, T: Array, scale: float, levelled: bool) -> Array:  # noqa: N803
     """Return the Gauss-Newton step [6]: rotation about the target's origin, then translation."""
+    J, r, w = _equations(target, scan, T, scale)
+    if len(r) < FEWEST:
+        return np.zeros(6)
+    free = np.array([2, 3, 4, 5]) if levelled else np.arange(6)
+    J = J[:, free]
+    H = (J * w[:, None]).T @ J
+    # What the faces don't show stays as it is.
+    H += 1e-9 * np.diag(np.diag(H)) + 1e-9 * float(w.sum()) * np.eye(len(free))
+    step = np.zeros(6)
+    step[free] = -np.linalg.solve(H, J.T @ (w * r))
+    return step
+
+
+def freedom(target: Target, scan: Array, T_target_scan: Array) -> tuple[float, Array]:  # noqa: N803
+    """Return how weakly the explained points hold the least held translation, and its direction [3].
+
+    The share of the points' information that is about that direction: a third where faces look all ways, 0 where
+    the scan slides along it unseen.
+    """
+    J, r, w = _equations(target, scan, T_target_scan, TIGHT_M / 3)
+    if len(r) < FEWEST:
+        return 0.0, np.array([1.0, 0.0, 0.0])
+    values, vectors = np.linalg.eigh((J[:, 3:] * w[:, None]).T @ J[:, 3:])
+    return float(values[0] / values.sum()), np.asarray(vectors[:, 0])
+
+
+def _equations(target: Target, scan: Array, T: Array, scale: float) -> tuple[Array, Array, Array]:  # noqa: N803
+    """Return slopes [K][6], residuals [K] and weights [K] of the points within three times the scale."""
     moved = scan @ T[:3, :3].T + T[:3, 3]
     closest, normals = target.closest(moved)
     offset = moved - closest
@@ -109,18 +144,9 @@ def _step(target: Target, scan: Array, T: Array, scale: float, levelled: bool) -
     beside = np.abs(np.einsum("ij,ij->i", offset, normals)) < 0.9 * distance
     normals[beside] = offset[beside] / np.maximum(distance[beside], 1e-12)[:, None]
     near = distance < 3 * scale
-    if near.sum() < 20:
-        return np.zeros(6)
-    n, p, r = normals[near], moved[near], np.einsum("ij,ij->i", offset[near], normals[near])
+    n, p = normals[near], moved[near]
     w = (scale**2 / (scale**2 + distance[near] ** 2)) ** 2
-    J = np.column_stack([np.cross(p, n), n])
-    free = np.array([2, 3, 4, 5]) if levelled else np.arange(6)
-    J = J[:, free]
-    H = (J * w[:, None]).T @ J
-    H += 1e-6 * np.trace(H) / len(free) * np.eye(len(free)) * np.where(free < 3, 1.0, 1.0)
-    step = np.zeros(6)
-    step[free] = -np.linalg.solve(H, J.T @ (w * r))
-    return step
+    return np.column_stack([np.cross(p, n), n]), np.einsum("ij,ij->i", offset[near], n), w
 
 
 def _twist(step: Array) -> Array:

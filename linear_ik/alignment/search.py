@@ -10,24 +10,44 @@ and RANSAC instead, whose hypotheses are some of many.
 from __future__ import annotations
 
 from collections.abc import Callable
+from typing import NamedTuple
 
 import numpy as np
 import numpy.typing as npt
 
 Array = npt.NDArray[np.float64]
+OnStep = Callable[[float], None]
 
-CELLS = 56  # along the longest side of what is searched
+CELLS = 48  # along the longest side of the design
 LEAST_CELL_M = 0.1
+MOST_CELLS = 4_000_000  # of the whole grid: a large site makes its cells larger
+STRAYS = 0.005  # share of a scan's points, each way on each axis, that may lie anywhere: sky and reflections
 PEAKS_A_HEADING = 3
-MOST = 16
+MOST = 12
 RANSAC_RUNS = 8
+FEATURE_CELLS = 100  # along the longest side of the design
+LEAST_FEATURE_M = 0.05
 RANSAC_SEED = 1
 
 
-def levelled_candidates(
-    target: Array, scan: Array, on_step: Callable[[float], None] = lambda share: None
-) -> list[Array]:
-    """Return transforms T_target_scan [4][4], the best correlation first.
+def _ignore(share: float) -> None:
+    """Tell nobody."""
+
+
+class Candidates(NamedTuple):
+    """Hypotheses of an alignment.
+
+    Attributes:
+        transforms: T_target_scan [4][4], the likeliest first.
+        near_m: how far off they may be.
+    """
+
+    transforms: list[Array]
+    near_m: float
+
+
+def levelled_candidates(target: Array, scan: Array, on_step: OnStep = _ignore) -> Candidates:
+    """Return hypotheses of a levelled scan.
 
     Args:
         target: [M][3] points on the design.
@@ -36,54 +56,47 @@ def levelled_candidates(
     """
     from scipy.fft import irfftn, next_fast_len, rfftn
 
-    centre = (scan.min(axis=0) + scan.max(axis=0)) / 2
+    scan = _without_strays(scan)
+    least, span = scan.min(axis=0), np.ptp(scan, axis=0)
     middle = (target.min(axis=0) + target.max(axis=0)) / 2
     reach = float(np.linalg.norm(np.ptp(target[:, :2], axis=0))) / 2
-    longest = max(float(np.ptp(scan, axis=0).max()), 2 * reach, float(np.ptp(target[:, 2])))
-    cell = max(longest / CELLS, LEAST_CELL_M)
-    # Room for both side by side: circular correlation then wraps into nothing.
-    extents = np.ptp(scan, axis=0) + np.array([2 * reach, 2 * reach, float(np.ptp(target[:, 2]))])
-    shape = tuple(int(next_fast_len(int(np.ceil(e / cell)) + 4, real=True)) for e in extents)
-    field = _occupied(scan - scan.min(axis=0), cell, shape)
-    transform = rfftn(_blurred(field))
-    steps = int(np.ceil(np.pi * max(reach, cell) / cell))
+    box = np.array([2 * reach, 2 * reach, float(np.ptp(target[:, 2]))])
+    cell = max(float(box.max()) / CELLS, LEAST_CELL_M)
+    cell = max(cell, float(np.prod(span + box + 4 * cell) / MOST_CELLS) ** (1 / 3))
+    # Room for both side by side: what leaves the grid on one side comes back on the other.
+    shape = tuple(int(next_fast_len(int(np.ceil(e / cell)) + 4, real=True)) for e in span + box)
+    transform = rfftn(_blurred(_occupied(scan - least, cell, shape)))
+    steps = max(8, int(np.ceil(np.pi * reach / cell)))
+    corner = -box / 2
     found: list[tuple[float, float, Array]] = []
-    corner = np.array([-reach, -reach, float(target[:, 2].min() - middle[2])])
     for i in range(steps):
         heading = 2 * np.pi * i / steps
-        # The design turned into the scan's heading.
-        turned = (target - middle) @ _about_z(heading).T
-        model = _occupied(turned - corner, cell, shape)
+        # The design, turned to the scan's heading.
+        model = _occupied((target - middle) @ _about_z(heading).T - corner, cell, shape)
         overlap = irfftn(transform * np.conj(rfftn(model)), s=shape) / np.sqrt(model.sum())
         for _ in range(PEAKS_A_HEADING):
             place = np.array(np.unravel_index(int(overlap.argmax()), shape))
-            value = float(overlap[tuple(place)])
-            shift = np.where(
-                place > np.array(shape) - np.ceil((np.ptp(turned, axis=0)) / cell) - 2, place - shape, place
-            )
-            # turned - corner + shift cells = scan - scan.min
-            found.append((value, heading, scan.min(axis=0) + shift * cell - corner))
+            cells = np.where(place * cell > span, place - shape, place)
+            found.append((float(overlap[tuple(place)]), heading, least + cells * cell - corner))
             _wipe(overlap, place, 2)
         on_step((i + 1) / steps)
     found.sort(key=lambda f: -f[0])
     kept: list[tuple[float, Array]] = []
     for _, heading, offset in found:
-        near = any(
-            abs((heading - h + np.pi) % (2 * np.pi) - np.pi) < 3.5 * np.pi / steps * 2
-            and np.abs(offset - o).max() < 2.5 * cell
-            for h, o in kept
-        )
-        if not near:
+        turned = [abs((heading - h + np.pi) % (2 * np.pi) - np.pi) for h, _ in kept]
+        apart = [float(np.abs(offset - o).max()) for _, o in kept]
+        if all(a > 7 * np.pi / steps or b > 2.5 * cell for a, b in zip(turned, apart, strict=True)):
             kept.append((heading, offset))
         if len(kept) == MOST:
             break
-    del centre
-    return [_inverse(_about_z(h), o - _about_z(h) @ middle) for h, o in kept]
+    return Candidates([_inverse(_about_z(h), o - _about_z(h) @ middle) for h, o in kept], cell)
 
 
-def any_candidates(target: Array, scan: Array, voxel_m: float) -> list[Array]:
-    """Return transforms T_target_scan [4][4] of any rotation, by features and RANSAC, the best first."""
+def any_candidates(target: Array, scan: Array, on_step: OnStep = _ignore) -> Candidates:
+    """Return hypotheses of any rotation, by features and RANSAC; arguments as `levelled_candidates`."""
     import open3d as o3d
+
+    voxel_m = max(float(np.ptp(target, axis=0).max()) / FEATURE_CELLS, LEAST_FEATURE_M)
 
     registration = o3d.pipelines.registration
     clouds, features = [], []
@@ -111,8 +124,16 @@ def any_candidates(target: Array, scan: Array, voxel_m: float) -> list[Array]:
             registration.RANSACConvergenceCriteria(200_000, 0.999),
         )
         found.append((float(result.fitness), np.array(result.transformation)))
+        on_step((run + 1) / RANSAC_RUNS)
     found.sort(key=lambda f: -f[0])
-    return [T for _, T in found]
+    return Candidates([T for _, T in found], 2 * voxel_m)
+
+
+def _without_strays(points: Array) -> Array:
+    """Return the points within the box of nearly all of them, made a tenth larger."""
+    low, high = np.quantile(points, [STRAYS, 1.0 - STRAYS], axis=0)
+    more = 0.1 * (high - low) + 0.1
+    return np.asarray(points[((points >= low - more) & (points <= high + more)).all(axis=1)])
 
 
 def _occupied(points: Array, cell: float, shape: tuple[int, ...]) -> npt.NDArray[np.float32]:

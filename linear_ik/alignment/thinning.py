@@ -29,7 +29,7 @@ class Thinner:
         """Start with voxels of ``voxel_m``, and keep at most ``most`` points."""
         self.voxel_m = voxel_m
         self._most = most
-        self._origin: Array | None = None
+        self._origin = np.full(3, np.nan)
         self._keys = np.empty(0, dtype=np.int64)
         self._points = np.empty((0, 3))
 
@@ -37,7 +37,7 @@ class Thinner:
         """Take some points [P][3], metres."""
         if not len(points):
             return
-        if self._origin is None:
+        if np.isnan(self._origin).any():
             self._origin = np.floor(points[0])
         keys, near = self._keys_of(points)
         self._keep(np.concatenate([self._keys, keys]), np.concatenate([self._points, points[near]]))
@@ -58,9 +58,9 @@ class Thinner:
 
     def _keys_of(self, points: Array) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
         cells = np.floor((points - self._origin) / self.voxel_m)
-        near = (np.abs(cells) < REACH).all(axis=1)
+        near = np.asarray((np.abs(cells) < REACH).all(axis=1))
         x, y, z = (cells[near].astype(np.int64) + REACH).T
-        return (x << 42) | (y << 21) | z, near
+        return np.asarray((x << 42) | (y << 21) | z), near
 
     def _keep(self, keys: npt.NDArray[np.int64], points: Array) -> None:
         self._keys, first = np.unique(keys, return_index=True)
