@@ -12,9 +12,12 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from linear_ik.align import Alignment, align
     from linear_ik.bending import Bend
     from linear_ik.bim import read_design
     from linear_ik.chain import Chain
+    from linear_ik.compare import Comparison, compare
+    from linear_ik.comparison_table import write_comparison
     from linear_ik.design_model import DesignModel, LeftOut, MapConversion, Member, Obstacle
     from linear_ik.deviation import Deviations, deviations
     from linear_ik.element import Element, Placement, PlacementTolerance
@@ -52,10 +55,13 @@ if TYPE_CHECKING:
     __version__: str
 
 _MODULES = {
+    "align": ("Alignment", "align"),
     "bending": ("Bend",),
     "bim": ("read_design",),
     "chain": ("Chain",),
     "deviation": ("Deviations", "deviations"),
+    "compare": ("Comparison", "compare"),
+    "comparison_table": ("write_comparison",),
     "design_model": ("DesignModel", "LeftOut", "MapConversion", "Member", "Obstacle"),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
@@ -92,12 +98,14 @@ _MODULES = {
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Alignment",
     "Bend",
     "Chain",
     "Circle",
     "CircleHollow",
     "Conditions",
     "Deviations",
+    "Comparison",
     "DesignModel",
     "Element",
     "FitResult",
@@ -126,6 +134,8 @@ __all__ = [
     "Viewer",
     "__version__",
     "deviations",
+    "align",
+    "compare",
     "element_from_mapping",
     "element_to_mapping",
     "fit",
@@ -141,6 +151,7 @@ __all__ = [
     "simulate",
     "verdicts",
     "write_asbuilt_ifc",
+    "write_comparison",
     "write_fitted_urdf",
     "write_glb",
     "write_result",
