@@ -147,7 +147,9 @@ def _one_by_one(
     b = scipy.linalg.solve_triangular(upper, -c, trans="T", check_finite=False)
     # It wants room between its bounds.
     narrow = high - low < 1e-12
-    found = lsq_linear(upper, b, (low - 1e-12 * narrow, high + 1e-12 * narrow), method="bvls", tol=1e-15)
+    found = lsq_linear(
+        upper, b, (low - 1e-12 * narrow, high + 1e-12 * narrow), method="bvls", tol=1e-15, max_iter=50 * len(c)
+    )
     x = np.clip(found.x, low, high)
     better = _active_set(H, c, low, high, x, -(H @ x + c))
     if not found.success and better is None:
