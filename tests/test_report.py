@@ -201,6 +201,7 @@ def test_names_are_escaped_and_nothing_is_fetched(tmp_path: Path) -> None:
     Tags().feed(page)
     assert Tags.scripts == 2 and "alert(1)</script>" not in page
     assert all(source.startswith(("#", "data:,")) for source in Tags.sources)
+    assert "default-src 'none'" in page  # the browser is told so too
     for outside in ("http://", "https://", "@import", "url(", "fetch(", "XMLHttpRequest", '<link rel="style'):
         assert outside not in page
 
