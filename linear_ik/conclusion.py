@@ -15,6 +15,7 @@ from linear_ik.doubts import (
     doubts,
     plates_too_thin,
     segments_turned_away,
+    sides_off,
     stepped_aside,
 )
 from linear_ik.problem import Problem
@@ -35,9 +36,9 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
     ratio = birge_ratio(problem, settled.tally.patch_score, settled.tally.objective, settled.objective)
-    S, node_covariance = ratio * S, ratio * node_covariance
-    off_m = pose.node_jacobians() @ settled.still
-    node_covariance += off_m[:, :, None] * off_m[:, None, :]
+    node_covariance *= ratio
+    still_m = pose.node_jacobians() @ settled.still
+    node_covariance += still_m[:, :, None] * still_m[:, None, :]
     pressed = pressed_limits(problem, settled.x, settled.objective, S)
     segments = assess_segments(problem, settled.tally, settled.foreign)
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
@@ -67,6 +68,13 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if hidden.any():
         status = in_doubt(status)
         reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
+    off_m = sides_off(settled.tally.patch_score, settled.tally.patch_off_m, noise_m)
+    if off_m.any():
+        status = in_doubt(status)
+        reasons += (
+            f"{listed(off_m > 0)}: a side lies {1e3 * off_m.max():.1f} mm off the surface: "
+            "something touches it there, or its section is another",
+        )
     step = stepped_aside(pose)
     if step is not None:
         first, last, aside_m = step

@@ -44,9 +44,10 @@ class Tally:
         cost_m2: weighted sum of squared residuals.
         weight: sum of the weights.
         touched: [N][around][along] cells of each segment's surface that hold a matched point.
-        patch_score: [patches] sum of the weighted residuals of the matched points of one side
-            of half a segment, over the root of the sum of their squares: standard normal where
-            points err independently of each other.
+        patch_score: [N][sides][halves] sum of the weighted residuals of the matched points of
+            one side of half a segment, over the root of the sum of their squares: standard
+            normal where points err independently of each other. NaN for a patch of few points.
+        patch_off_m: [N][sides][halves] their weighted mean.
     """
 
     objective: Objective
@@ -58,6 +59,7 @@ class Tally:
     weight: float
     touched: Mask
     patch_score: Array
+    patch_off_m: Array
 
     @property
     def weighted_rms_m(self) -> float:
@@ -88,7 +90,7 @@ def tally(
     matched, beside, squares = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n)
     weighted, cost, weight = 0, 0.0, 0.0
     touched = np.zeros((n, *cells(problem)), dtype=bool)
-    patches, depth_m = np.zeros((3, n * HALVES * SIDES)), depth_of(problem, noise_m)
+    patches, depth_m = np.zeros((4, n * HALVES * SIDES)), depth_of(problem, noise_m)
     for start in range(0, len(problem.points), POINTS_A_PIECE):
         some = problem.points[start : start + POINTS_A_PIECE]
         piece = Stage("full", some, (scale_m,), noise_m, ignored=ignored, depth_m=depth_m, trust=trust)
@@ -105,18 +107,20 @@ def tally(
         weighted += int(np.count_nonzero(weights))
         cost += float(weights @ pairs.residual_m**2)
         weight += float(weights.sum())
-    pull_m, squares_m2, _ = patches[:, (patches[2] >= LEAST_POINTS) & (patches[1] > 0)]
-    return Tally(
-        objective, matched, beside, squares, weighted, cost, weight, touched, np.asarray(pull_m / np.sqrt(squares_m2))
-    )
+    patches[:, patches[3] < LEAST_POINTS] = np.nan
+    pull_m, squares_m2, weights, _ = patches.reshape(4, n, SIDES, HALVES)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        score, off_m = pull_m / np.sqrt(squares_m2), pull_m / weights
+    return Tally(objective, matched, beside, squares, weighted, cost, weight, touched, score, off_m)
 
 
 def _patch_sums(problem: Problem, pairs: Correspondences, rows: Index, weights: Array) -> Array:
-    """Return sums of the weighted residuals, of their squares, and the count [3][patches], of some matches."""
+    """Return sums of the weighted residuals, of their squares, of the weights, and the count [4][patches]."""
     half = pairs.local[rows, 2] > 0.5 * problem.element.segment_length_m
     patch = (pairs.segment[rows] * SIDES + sides(pairs.gradient[rows])) * HALVES + half
-    residual, most = weights[rows] * pairs.residual_m[rows], problem.element.segments * SIDES * HALVES
-    return np.stack([np.bincount(patch, each, minlength=most) for each in (residual, residual**2, np.ones(len(rows)))])
+    w, most = weights[rows], problem.element.segments * SIDES * HALVES
+    each = w * pairs.residual_m[rows]
+    return np.stack([np.bincount(patch, what, minlength=most) for what in (each, each**2, w, np.ones(len(rows)))])
 
 
 def cells(problem: Problem) -> tuple[int, int]:

@@ -89,15 +89,16 @@ def birge_ratio(problem: Problem, scores: Array, points: Objective, whole: Objec
 
     Args:
         problem: for the variables that may move.
-        scores: [patches] standard normal, were the points independent.
+        scores: [patches] standard normal, were the points independent; NaN where too few.
         points: what the points ask of the step, over all variables.
         whole: the same with all terms.
     """
-    rows = np.ix_(problem.variables, problem.variables)
+    rows, scores = np.ix_(problem.variables, problem.variables), scores[np.isfinite(scores)]
     # A variable that the prior holds is not fitted to the patches.
     fitted = float(np.trace(np.linalg.solve(whole.H[rows], points.H[rows])))
     freedom = max(len(scores) - fitted, LEAST_FREEDOM * len(scores), 1.0)
-    return max(1.0, float(scores @ scores) / freedom)
+    # Chance alone takes chi^2 a deviation, sqrt(2 freedom), above its mean now and then.
+    return max(1.0, float(scores @ scores) / (freedom + float(np.sqrt(2.0 * freedom))))
 
 
 def pressed_limits(problem: Problem, x: Array, objective: Objective, S: Array) -> npt.NDArray[np.bool_]:
