@@ -102,7 +102,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     return in_scan_coordinates(
         problem,
         settled.x,
-        S + np.outer(settled.still, settled.still),
+        ratio * S + np.outer(settled.still, settled.still),
         node_covariance,
         settings,
         log,
