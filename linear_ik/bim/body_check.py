@@ -7,7 +7,7 @@ from dataclasses import dataclass, replace
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.bim.sweep import Sweep, into
+from linear_ik.bim.sweep import Sweep, into, out_of
 from linear_ik.design_axis import follow
 from linear_ik.profile import Profile
 from linear_ik.taper import between
@@ -74,6 +74,20 @@ def agreement(sweep: Sweep, vertices: Array) -> Agreement:
             if abs(share - end) < 1e-6:
                 short[k] = _short_m(profile, local[rows, :2])
     return Agreement(worst, float(min(short)) if np.isfinite(short).any() else 0.0)
+
+
+def box_difference_m(sweep: Sweep, vertices: Array) -> float:
+    """Return how far the bounding boxes of a body [V][3] and of a round section along a curve differ; inf of others."""
+    if sweep.axis_m is None or sweep.profile.radius_m is None:
+        return float("inf")
+    axis = out_of(sweep.T_product_start, sweep.axis_m)
+    legs = np.diff(axis, axis=0)
+    directions = legs / np.linalg.norm(legs, axis=1)[:, None]
+    # A disk across a direction d reaches r sqrt(1 - d_x^2) along x.
+    reach = sweep.profile.radius_m * np.sqrt(np.clip(1 - directions**2, 0.0, 1.0))
+    ends = np.stack([axis[:-1], axis[1:]])
+    low, high = (ends - reach).min(axis=(0, 1)), (ends + reach).max(axis=(0, 1))
+    return float(max(np.abs(low - vertices.min(axis=0)).max(), np.abs(high - vertices.max(axis=0)).max()))
 
 
 def _around(sweep: Sweep, local: Array) -> tuple[Array, float]:

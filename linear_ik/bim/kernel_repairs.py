@@ -2,7 +2,9 @@
 
 ifcopenshell 0.9 applies the operator of an IfcDerivedProfileDef twice when it sweeps the
 profile: what is mirrored twice is not mirrored at all. In the model in memory such a
-profile's place is taken by its outline, point by point.
+profile's place is taken by its outline, point by point. It makes nothing of a disk swept
+along a polyline with rounded corners, so the corners become points; and it takes angles
+for degrees where the file names no unit for them, which means radians.
 """
 
 from __future__ import annotations
@@ -12,13 +14,45 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.curves import directrix
 from linear_ik.bim.profiles import ProfileReader
 from linear_ik.errors import DesignError
 
 Array = npt.NDArray[np.float64]
 
 
-def replace_derived_profiles(model: Any, profiles: ProfileReader, unit_m: float) -> None:
+def mend(model: Any, profiles: ProfileReader, unit_m: float) -> None:
+    """Change a model in memory so that the kernel draws it as it is meant; ``profiles`` reads what was there."""
+    _replace_derived_profiles(model, profiles, unit_m)
+    _draw_rounded_corners(model, unit_m)
+    _say_radians(model)
+
+
+def _draw_rounded_corners(model: Any, unit_m: float) -> None:
+    if model.schema == "IFC2X3":
+        return
+    for disk in model.by_type("IfcSweptDiskSolidPolygonal"):
+        if not disk.FilletRadius:
+            continue
+        try:
+            points = directrix(disk, unit_m)
+        except DesignError:
+            continue
+        made = [model.create_entity("IfcCartesianPoint", tuple(float(v) for v in point / unit_m)) for point in points]
+        disk.Directrix, disk.FilletRadius = model.create_entity("IfcPolyline", made), None
+        disk.StartParam = disk.EndParam = None
+
+
+def _say_radians(model: Any) -> None:
+    import ifcopenshell.util.unit as units
+
+    assignment = units.get_unit_assignment(model)
+    if assignment is not None and units.get_project_unit(model, "PLANEANGLEUNIT") is None:
+        radian = model.create_entity("IfcSIUnit", None, "PLANEANGLEUNIT", None, "RADIAN")
+        assignment.Units = [*assignment.Units, radian]
+
+
+def _replace_derived_profiles(model: Any, profiles: ProfileReader, unit_m: float) -> None:
     """Let every swept area that is derived be its outline; ``profiles`` goes on reading what was there."""
     for derived in list(model.by_type("IfcDerivedProfileDef")):
         try:

@@ -8,15 +8,17 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.bim.body_check import Agreement, agreement, stood
+from linear_ik.bim.axis_design import REMARK, sweep_of_axis
+from linear_ik.bim.body_check import Agreement, agreement, box_difference_m, stood
 from linear_ik.bim.chain_of_solids import joined
-from linear_ik.bim.mesh_sweep import box_sides, shape, sweep_of_mesh
+from linear_ik.bim.mesh_sweep import box_sides, shape, sweeps_of_mesh
 from linear_ik.bim.profiles import ProfileReader
 from linear_ik.bim.solids import Solid, body_representation, solids_of
 from linear_ik.bim.sweep import Sweep, into, out_of
 from linear_ik.bim.sweeps import SweepReader
 from linear_ik.bim.tessellation import Body, item_body
 from linear_ik.errors import DesignError, ElementError
+from linear_ik.profile import Polygon, Rectangle
 
 Array = npt.NDArray[np.float64]
 
@@ -64,8 +66,7 @@ class MemberReader:
         """
         representation = body_representation(product)
         if representation is None:
-            parts = [part for rel in product.IsDecomposedBy for part in rel.RelatedObjects]
-            return Reading(None, "its body is that of its parts" if parts else "it has no body")
+            return self._without_body(product)
         if body is None:
             return Reading(None, "its body cannot be computed")
         solids = solids_of(representation, self.unit_m)
@@ -73,16 +74,31 @@ class MemberReader:
             return self._single(solids[0], body)
         return self._several(solids, body)
 
+    def _without_body(self, product: Any) -> Reading:
+        parts = [part for rel in product.IsDecomposedBy for part in rel.RelatedObjects]
+        if parts:
+            return Reading(None, "its body is that of its parts")
+        try:
+            sweep = sweep_of_axis(product, self.profiles)
+        except DesignError as error:
+            return Reading(None, f"it has no body, and {error.subject} {error.what}")
+        if sweep is None:
+            return Reading(None, "it has no body")
+        if not self._slender(sweep):
+            return Reading(None, "it has no body, and its axis is short")
+        return Reading(sweep, remark=REMARK)
+
     def _single(self, solid: Solid, body: Body) -> Reading:
         written, reason = self._written(solid, body.vertices_m)
         if written is not None:
             found = agreement(written, body.vertices_m)
-            if self._agrees(found):
+            if self._agrees(found) or self._is_tube(written, body.vertices_m):
                 if self._slender(written):
                     return Reading(written, solid=solid.item)
                 sides = box_sides(into(written.T_product_start, body.vertices_m))
-                reason = f"it is {shape(sides)}"
-                if sides[1] < self.slenderness * max(sides[0], sides[2]):
+                full = isinstance(written.profile, (Polygon, Rectangle))
+                reason = f"it is {shape(sides, full)}"
+                if not full or sides[1] < self.slenderness * max(sides[0], sides[2]):
                     # Nor is it a bar that was drawn from the side.
                     return Reading(None, reason, solid=solid.item)
             else:
@@ -130,19 +146,22 @@ class MemberReader:
             return None, f"{error.subject} {error.what}"
 
     def _from_mesh(self, body: Body, item: Any) -> Reading:
-        try:
-            sweep = sweep_of_mesh(body.vertices_m, body.triangles, self.profiles, self.slenderness, self.tolerance_m)
-        except (DesignError, ElementError) as error:
-            return Reading(None, f"{error.subject} {error.what}", solid=item)
-        if not self._slender(sweep):
-            return Reading(None, f"it is {shape(box_sides(into(sweep.T_product_start, body.vertices_m)))}", solid=item)
-        found = agreement(sweep, body.vertices_m)
-        if self._agrees(found):
-            return Reading(sweep, solid=item)
-        # A corbel or an end plate belongs to the body, not to the section that most of it has.
-        if sweep.axis_m is None and sweep.profile_end is None:
-            return Reading(sweep, remark=_difference(found), solid=item)
-        return Reading(None, _difference(found), solid=item)
+        found, reason = sweeps_of_mesh(
+            body.vertices_m, body.triangles, self.profiles, self.slenderness, self.tolerance_m
+        )
+        second: Reading | None = None
+        for sweep in found:
+            if not self._slender(sweep):
+                reason = f"it is {shape(box_sides(into(sweep.T_product_start, body.vertices_m)))}"
+                continue
+            compared = agreement(sweep, body.vertices_m)
+            if self._agrees(compared):
+                return Reading(sweep, solid=item)
+            reason = _difference(compared)
+            # A corbel or an end plate belongs to the body, not to the section that most of it has.
+            if second is None and sweep.axis_m is None and sweep.profile_end is None:
+                second = Reading(sweep, remark=reason, solid=item)
+        return second or Reading(None, reason, solid=item)
 
     def _agrees(self, found: Agreement) -> bool:
         return self._holds(found) and found.short_m <= self.tolerance_m
@@ -150,8 +169,17 @@ class MemberReader:
     def _holds(self, found: Agreement) -> bool:
         return found.outside_m <= self.tolerance_m and found.ends_m <= self.tolerance_m
 
+    def _is_tube(self, sweep: Sweep, vertices: Array) -> bool:
+        """Say whether a body is at least as large as a round section along a curve.
+
+        The kernel's tubes around curves have vertices inside themselves, and in places a few
+        millimetres outside.
+        """
+        return sweep.axis_m is not None and box_difference_m(sweep, vertices) <= self.tolerance_m
+
     def _slender(self, sweep: Sweep) -> bool:
-        return sweep.length_m >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
+        # A hair's breadth is rounding.
+        return sweep.length_m + 1e-6 >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
 
 
 def _area(sweep: Sweep) -> float:

@@ -28,16 +28,16 @@ CUTS = 11
 CURVE_CUTS = 41
 FROM, TO = 0.04, 0.96  # of the length
 SHARE = 0.6  # of the cuts that show the section
-PARALLEL = np.cos(np.radians(2.0))
+PARALLEL = np.cos(np.radians(6.0))  # the corners of a taper lean to all sides
 EXACTLY = np.cos(np.radians(0.05))
 CANDIDATES = 3
 FLAT = 1 / 3  # of both other sides: a plate
 
 
-def sweep_of_mesh(
+def sweeps_of_mesh(
     vertices: Array, triangles: Triangles, profiles: ProfileReader, slenderness: float, tolerance_m: float
-) -> Sweep:
-    """Return the section and the line of a body that is only a mesh.
+) -> tuple[list[Sweep], str]:
+    """Return what sections along what lines a body that is only a mesh may be, the likeliest first.
 
     Args:
         vertices: [V][3] metres, in the product's coordinates.
@@ -46,28 +46,29 @@ def sweep_of_mesh(
         slenderness: least length against the section's larger side.
         tolerance_m: how far the sections of one body may differ.
 
-    Raises:
-        DesignError: said of the body: not slender, or its section changes along it.
+    Returns:
+        The sweeps, and where there are none the reason: not slender, or a section that changes.
     """
-    reason: DesignError | None = None
+    found: list[Sweep] = []
+    reason = ""
     for direction in directions(vertices, triangles):
         T = line_frame(np.zeros(3), direction, _side(direction))
         local = into(T, vertices)
         sides = box_sides(local)
-        if sides[0] < slenderness * sides[1]:
-            reason = reason or DesignError("it", f"is {shape(sides)}")
+        if sides[0] + 1e-6 < slenderness * sides[1]:
+            reason = reason or f"it is {shape(sides)}"
             continue
         try:
-            return _cut_along(T, local, triangles, profiles, tolerance_m)
+            found.append(_cut_along(T, local, triangles, profiles, tolerance_m))
         except (DesignError, ElementError) as error:
-            reason = DesignError("its body", error.what)
-    raise reason or DesignError("its body", "has no edge")
+            reason = f"its body {error.what}"
+    return found, reason or "its body has no edge"
 
 
-def shape(sides: Array) -> str:
-    """Say what a body of these sides [3] is that is not slender."""
+def shape(sides: Array, full: bool = True) -> str:
+    """Say what a body of these sides [3] is that is not slender; only a full section makes a plate."""
     long, middle, short = np.sort(sides)[::-1]
-    kind = "a plate" if short < FLAT * middle else "a stub"
+    kind = "a plate" if full and short < FLAT * middle else "a stub"
     return f"{kind}, not linear: {1000 * long:.0f} x {1000 * middle:.0f} x {1000 * short:.0f} mm"
 
 
@@ -103,19 +104,20 @@ def directions(vertices: Array, triangles: Triangles) -> list[Array]:
     # Edges of one direction may be listed either way.
     found: list[tuple[float, Array]] = []
     left = np.argsort(-lengths)
-    while len(left) and len(found) < 3 * CANDIDATES:
+    while len(left) and len(found) < 6 * CANDIDATES:
         lead = units[left[0]]
         cosines = units[left] @ lead
         same = np.abs(cosines) > PARALLEL
         rows = left[same]
         # Edges of other parts run nearly so; those of a taper lean to all sides.
-        tight = np.abs(cosines[same]) > EXACTLY
-        some = tight if lengths[rows[tight]].sum() > 0.5 * lengths[rows].sum() else np.ones(len(rows), dtype=bool)
-        mean = (units[rows[some]] * (np.sign(cosines[same][some]) * lengths[rows[some]])[:, None]).sum(axis=0)
-        found.append((float(lengths[rows].sum()), _upright(mean / np.linalg.norm(mean))))
+        exact = np.abs(cosines[same]) > EXACTLY
+        whole = float(lengths[rows].sum())
+        for some in (exact, ~exact | exact) if not exact.all() else (exact,):
+            mean = (units[rows[some]] * (np.sign(cosines[same][some]) * lengths[rows[some]])[:, None]).sum(axis=0)
+            found.append((whole, _upright(mean / np.linalg.norm(mean))))
         left = left[~same]
     found.sort(key=lambda one: -one[0])
-    return [direction for _, direction in found[:CANDIDATES]]
+    return [direction for _, direction in found[: 2 * CANDIDATES]]
 
 
 def _cut_along(T: Array, local: Array, triangles: Triangles, profiles: ProfileReader, tolerance_m: float) -> Sweep:
@@ -233,7 +235,7 @@ def _far(a: Array, b: Array) -> float:
 
 def _at(T: Array, z_m: float) -> Array:
     """Return a frame moved along its own Z."""
-    moved = T.copy()
+    moved = np.array(T)
     moved[:3, 3] += z_m * T[:3, 2]
     return moved
 

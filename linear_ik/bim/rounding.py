@@ -31,20 +31,18 @@ class Rounded:
 
 
 def without_flat_corners(corners: Array) -> Array:
-    """Return an outline [V][2] without the points that lie on its edges."""
+    """Return an outline [V][2] without the points that lie on its edges, the flattest taken off first."""
     kept = corners
     while len(kept) > 3:
         before, after = np.roll(kept, 1, axis=0), np.roll(kept, -1, axis=0)
-        chord = after - before
+        chord, offset = after - before, kept - before
         length = np.maximum(np.linalg.norm(chord, axis=1), 1e-12)
-        offset = kept - before
         off = np.abs(chord[:, 0] * offset[:, 1] - chord[:, 1] * offset[:, 0]) / length
-        flat = off < FLAT_M
-        # Of two neighbours at a time only one may go, or an arc of short chords would go as a whole.
-        flat &= ~np.roll(flat, 1)
-        if flat.all() or not flat.any():
+        # One at a time: with a point on the edge beside it a real corner looks flat too.
+        flattest = int(off.argmin())
+        if off[flattest] >= FLAT_M:
             break
-        kept = kept[~flat]
+        kept = np.delete(kept, flattest, axis=0)
     return kept
 
 

@@ -69,19 +69,53 @@ def placement_m(placement: Any, unit_m: float) -> Array:
     """Return an IfcAxis2Placement3D (or None) as a frame [4][4] in metres."""
     if placement is None:
         return np.eye(4)
-    import ifcopenshell.util.placement as placements
+    axis, ref = placement.Axis, placement.RefDirection
+    return frame_of(
+        np.array(placement.Location.Coordinates, dtype=np.float64) * unit_m,
+        np.array(axis.DirectionRatios if axis is not None else (0.0, 0.0, 1.0), dtype=np.float64),
+        np.array(ref.DirectionRatios if ref is not None else (1.0, 0.0, 0.0), dtype=np.float64),
+    )
 
-    T = np.array(placements.get_axis2placement(placement), dtype=np.float64)
-    T[:3, 3] *= unit_m
+
+def map_m(item: Any, unit_m: float) -> Array:
+    """Return the map of an IfcMappedItem [4][4] in metres: from its source's coordinates to its own."""
+    target = item.MappingTarget
+    first, second, third = (
+        None if axis is None else np.array(axis.DirectionRatios, dtype=np.float64)
+        for axis in (target.Axis1, target.Axis2, target.Axis3)
+    )
+    z = np.array([0.0, 0.0, 1.0]) if third is None else third
+    T = frame_of(
+        np.array(target.LocalOrigin.Coordinates, dtype=np.float64) * unit_m,
+        z,
+        np.array([1.0, 0.0, 0.0]) if first is None else first,
+    )
+    if second is not None and T[:3, 1] @ second < 0:
+        T[:3, 1] *= -1
+    scale = target.Scale or 1.0
+    T[:3, 0] *= scale
+    T[:3, 1] *= getattr(target, "Scale2", None) or scale
+    T[:3, 2] *= getattr(target, "Scale3", None) or scale
+    return np.asarray(T @ placement_m(item.MappingSource.MappingOrigin, unit_m))
+
+
+def frame_of(location: Array, z: Array, x: Array) -> Array:
+    """Return the rigid frame [4][4] of IFC: Z along ``z``, X along ``x`` made orthogonal to it."""
+    z = z / np.linalg.norm(z)
+    across = x - (x @ z) * z
+    if np.linalg.norm(across) < 1e-9 * np.linalg.norm(x):
+        # IFC's own default where X runs along Z.
+        across = np.array([0.0, 1.0, 0.0]) if abs(z[0]) > 0.9 else np.array([1.0, 0.0, 0.0])
+        across = across - (across @ z) * z
+    T = np.eye(4)
+    T[:3, 0], T[:3, 2], T[:3, 3] = across / np.linalg.norm(across), z, location
+    T[:3, 1] = np.cross(T[:3, 2], T[:3, 0])
     return T
 
 
 def _collect(item: Any, T: Array, unit_m: float, out: list[Solid], depth: int) -> None:
     if item.is_a("IfcMappedItem") and depth:
-        import ifcopenshell.util.placement as placements
-
-        M = np.array(placements.get_mappeditem_transformation(item), dtype=np.float64)
-        M[:3, 3] *= unit_m
+        M = map_m(item, unit_m)
         for inner in item.MappingSource.MappedRepresentation.Items:
             _collect(inner, T @ M, unit_m, out, depth - 1)
         return
