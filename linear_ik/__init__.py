@@ -12,9 +12,12 @@ from types import ModuleType
 from typing import TYPE_CHECKING, Any
 
 if TYPE_CHECKING:
+    from linear_ik.align import Alignment, align
     from linear_ik.bending import Bend
     from linear_ik.bim import read_design
     from linear_ik.chain import Chain
+    from linear_ik.compare import Comparison, compare
+    from linear_ik.comparison_table import write_comparison
     from linear_ik.design_model import DesignModel, LeftOut, MapConversion, Member, Obstacle
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
@@ -50,9 +53,12 @@ if TYPE_CHECKING:
     __version__: str
 
 _MODULES = {
+    "align": ("Alignment", "align"),
     "bending": ("Bend",),
     "bim": ("read_design",),
     "chain": ("Chain",),
+    "compare": ("Comparison", "compare"),
+    "comparison_table": ("write_comparison",),
     "design_model": ("DesignModel", "LeftOut", "MapConversion", "Member", "Obstacle"),
     "element": ("Element", "Placement", "PlacementTolerance"),
     "element_file": ("element_from_mapping", "element_to_mapping", "load_element"),
@@ -88,10 +94,12 @@ _MODULES = {
 _MODULE_OF = {name: module for module, names in _MODULES.items() for name in names}
 
 __all__ = [
+    "Alignment",
     "Bend",
     "Chain",
     "Circle",
     "CircleHollow",
+    "Comparison",
     "DesignModel",
     "Element",
     "FitResult",
@@ -119,6 +127,8 @@ __all__ = [
     "UShape",
     "Viewer",
     "__version__",
+    "align",
+    "compare",
     "element_from_mapping",
     "element_to_mapping",
     "fit",
@@ -132,6 +142,7 @@ __all__ = [
     "scan_virtually",
     "simulate",
     "write_asbuilt_ifc",
+    "write_comparison",
     "write_fitted_urdf",
     "write_glb",
     "write_result",

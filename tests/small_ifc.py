@@ -24,7 +24,7 @@ def write_small_ifc(path: Path, schema: str, millimetres: bool = True) -> Path:
 
     person = make("IfcPersonAndOrganization", make("IfcPerson", FamilyName="A"), make("IfcOrganization", Name="B"))
     program = make("IfcApplication", person.TheOrganization, "1", "Designer", "designer")
-    owner = make("IfcOwnerHistory", person, program, ChangeAction="ADDED", CreationDate=1)
+    owner = make("IfcOwnerHistory", person, program, ChangeAction="ADDED", LastModifiedDate=1, CreationDate=1)
     unit = make("IfcSIUnit", UnitType="LENGTHUNIT", Prefix="MILLI" if millimetres else None, Name="METRE")
     angle = make("IfcSIUnit", UnitType="PLANEANGLEUNIT", Name="RADIAN")
     context = make("IfcGeometricRepresentationContext", None, "Model", 3, 1e-5, frame())

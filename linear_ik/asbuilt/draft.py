@@ -5,12 +5,14 @@ from __future__ import annotations
 import math
 import time
 from collections.abc import Sequence
+from pathlib import Path
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.asbuilt.shape import AsBuiltError
+from linear_ik.bim.georeference import angle_unit_rad, length_unit_m
+from linear_ik.bim.solids import placement_m
 
 Array = npt.NDArray[np.float64]
 
@@ -29,22 +31,15 @@ class Draft:
         profiles: profile entities made so far, by what they show.
     """
 
-    def __init__(self, model: Any, source: str) -> None:
+    def __init__(self, model: Any, path: Path) -> None:
         """Take an open file.
 
         Raises:
-            AsBuiltError: said of ``source``: no length unit that can be read.
+            DesignError: said of ``path``: no length unit.
         """
-        import ifcopenshell.util.unit
-
         self.model = model
         self.schema = str(model.schema)
-        self.source = source
-        try:
-            self.unit_m = float(ifcopenshell.util.unit.calculate_unit_scale(model))
-            self.unit_rad = float(ifcopenshell.util.unit.calculate_unit_scale(model, "PLANEANGLEUNIT"))
-        except Exception as error:
-            raise AsBuiltError(source, f"its length unit cannot be read: {error}", "an IfcUnitAssignment") from None
+        self.unit_m, self.unit_rad = length_unit_m(path, model), angle_unit_rad(model)
         self._digits = LENGTH_DIGITS + round(math.log10(self.unit_m))
         self.profiles: dict[object, Any] = {}
         self._placements: dict[int, Array] = {}
@@ -84,16 +79,22 @@ class Draft:
 
     def T_model_product(self, product: Any) -> Array:  # noqa: N802 (T_target_source)
         """Return an object's placement [4][4] in the model's coordinates, metres."""
-        import ifcopenshell.util.placement
+        return self._frame(product.ObjectPlacement)
 
-        placement = product.ObjectPlacement
+    def _frame(self, placement: Any) -> Array:
         if placement is None:
             return np.eye(4)
         key = placement.id()
         if key not in self._placements:
-            T = np.array(ifcopenshell.util.placement.get_local_placement(placement), dtype=np.float64)
-            T[:3, 3] *= self.unit_m
-            self._placements[key] = T
+            if placement.is_a("IfcLocalPlacement") and placement.RelativePlacement.is_a("IfcAxis2Placement3D"):
+                parent = self._frame(placement.PlacementRelTo)
+                T = parent @ placement_m(placement.RelativePlacement, self.unit_m)
+            else:
+                import ifcopenshell.util.placement
+
+                T = np.array(ifcopenshell.util.placement.get_local_placement(placement), dtype=np.float64)
+                T[:3, 3] *= self.unit_m
+            self._placements[key] = np.asarray(T)
         return self._placements[key]
 
     def subcontext(self, context: Any, identifier: str, view: str) -> Any:
@@ -131,6 +132,7 @@ class Draft:
                 "IfcOwnerHistory",
                 OwningUser=user,
                 OwningApplication=self._application(),
+                LastModifiedDate=int(time.time()),  # IFC4 asks for it beside a change
                 ChangeAction="ADDED",
                 CreationDate=int(time.time()),
             )

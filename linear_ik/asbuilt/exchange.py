@@ -22,6 +22,7 @@ SOLID_KINDS = (
 ).split()
 OPENINGS = "Openings stay where they were designed."
 CUTS = "Cuts at the ends, holes and copes of the designed body are not in the as-built one."
+LAYERS = ("IfcPresentationLayerAssignment", "IfcPresentationLayerWithStyle")
 # What a representation consists of, and so may go with it.
 OWN = ("IfcRepresentationItem", "IfcProfileDef", "IfcRepresentationMap", "IfcShapeRepresentation")
 
@@ -96,6 +97,9 @@ class Exchange:
             layer, without = self._draft.model.by_id(identifier), set(gone)
             layer.AssignedItems = [item for item in layer.AssignedItems if item.id() not in without] + new
         self._remove_unused(self._left_over)
+        for layer in self._draft.model.by_type("IfcPresentationLayerAssignment"):
+            if not layer.AssignedItems:
+                self._draft.model.remove(layer)
 
     def _bodies(self, product: Any) -> list[Any]:
         if product.Representation is None:
@@ -159,11 +163,13 @@ class Exchange:
             identifier, entity = waiting.popitem()
             if identifier in removed:
                 continue
-            styled = [i for i in model.get_inverse(entity) if i.is_a("IfcStyledItem") and i.Item == entity]
-            if model.get_total_inverses(entity) > len(styled):
+            # What only describes it goes with it: removal takes it out of a layer's list.
+            about = [i for i in model.get_inverse(entity) if i.is_a() in ("IfcStyledItem", *LAYERS)]
+            if model.get_total_inverses(entity) > len(about):
                 continue
-            for style in styled:
-                model.remove(style)
+            for described in about:
+                if described.is_a("IfcStyledItem"):
+                    model.remove(described)
             parts = {p.id(): p for p in model.traverse(entity, max_levels=1)[1:] if any(p.is_a(c) for c in OWN)}
             model.remove(entity)
             removed.add(identifier)

@@ -11,16 +11,16 @@ from typing import get_args
 import numpy as np
 
 from linear_ik.asbuilt.bodies import Body, axis_items, body_items
-from linear_ik.asbuilt.design_file import open_design, write_model
 from linear_ik.asbuilt.draft import Draft
 from linear_ik.asbuilt.exchange import Exchange
+from linear_ik.asbuilt.output import write_model
 from linear_ik.asbuilt.properties import PropertySets
 from linear_ik.asbuilt.shape import AsBuiltError, bent_shape
 from linear_ik.atomic import check_writable
+from linear_ik.bim.file import open_model
+from linear_ik.bim.products import LINEAR_CLASSES, linear_products
 from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.result import FitResult
-
-LINEAR_CLASSES = ("IfcBeam", "IfcColumn", "IfcMember", "IfcPile", "IfcPipeSegment", "IfcDuctSegment", "IfcRailing")
 
 
 def write_asbuilt_ifc(
@@ -42,7 +42,7 @@ def write_asbuilt_ifc(
     model's z as up.
 
     Args:
-        design_path: an IFC file: IFC2X3, IFC4 or IFC4X3.
+        design_path: an IFC file (.ifc or .ifczip): IFC2X3, IFC4 or IFC4X3.
         results: GlobalId -> result, in the model's coordinates.
         out_path: the new file; may be the design's.
         body: "extrusions": one a segment with the design's own profile, cut square, so that at a kink of angle a
@@ -56,7 +56,8 @@ def write_asbuilt_ifc(
         The path.
 
     Raises:
-        AsBuiltError: a design that cannot be read, a GlobalId that it has not, a result that contradicts itself.
+        DesignError: a design that cannot be read.
+        AsBuiltError: a GlobalId that the design has not, a result that contradicts itself.
         OutputError: a path that cannot be written to.
         SettingsError: another ``body``.
     """
@@ -64,7 +65,7 @@ def write_asbuilt_ifc(
         raise SettingsError("body", repr(body), "one of " + ", ".join(get_args(Body)))
     target = check_writable(out_path)
     date = datetime.now(timezone.utc) if when is None else when
-    draft = Draft(open_design(design_path), str(design_path))
+    draft = Draft(open_model(design_path).model, Path(design_path))
     products = {product.GlobalId: product for product in draft.model.by_type("IfcProduct")}
     unknown = next((guid for guid in results if guid not in products), None)
     if unknown is not None:
@@ -85,9 +86,6 @@ def write_asbuilt_ifc(
         except LinearIkError as error:
             raise AsBuiltError(guid, f"{error.subject}: {error.what}", error.expected) from None
     exchange.finish()
-    sheets.of_not_fitted([p for p in products.values() if p.GlobalId not in results and _is_linear(p)])
+    linear = [product for product, _ in linear_products(draft.model, LINEAR_CLASSES)]
+    sheets.of_not_fitted([product for product in linear if product.GlobalId not in results])
     return write_model(draft.model, target, date)
-
-
-def _is_linear(product: object) -> bool:
-    return any(product.is_a(ifc_class) for ifc_class in LINEAR_CLASSES)  # type: ignore[attr-defined]

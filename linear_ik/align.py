@@ -1,0 +1,224 @@
+"""Align: the rigid motion that takes a scan into a design's coordinates."""
+
+from __future__ import annotations
+
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.alignment.refine import LEAST_SCALE_M, TIGHT_M, Quality, freedom, noise_m, quality, refine, share_within
+from linear_ik.alignment.search import any_candidates, levelled_candidates
+from linear_ik.alignment.target import Target
+from linear_ik.alignment.thinning import thin
+from linear_ik.design_model import DesignModel
+from linear_ik.errors import LinearIkError, SettingsError
+from linear_ik.readers import iter_scan
+from linear_ik.scan import Scan
+
+Array = npt.NDArray[np.float64]
+Points = Scan | npt.NDArray[np.float64] | str | os.PathLike[str]
+AlignStatus = Literal["aligned", "ambiguous", "not_found"]
+
+VOXEL_M = 0.03
+FEW_POINTS = 1_000  # what all hypotheses are refined with, down to a rough scale
+SOME_POINTS = 3_000  # what the best of them are refined with
+MOST_REFINED = 6
+ROUGH_SCALE_M = 0.06
+NEAR_START_M = 0.3  # how far off a person's guess may be
+MIDDLE_SCALE_M = 0.02
+# Of wrong scans, measured: both shares below 0.2.
+LEAST_SHARE = 0.3
+LEAST_SCORE = 0.08
+NEARLY_THE_SAME = 0.95
+OTHER_TURN_RAD = np.radians(2.0)
+OTHER_PLACE_M = 0.1
+SLIDES = 0.02
+TILTED_DEG = 0.2
+
+
+@dataclass(frozen=True, eq=False)
+class Alternative:
+    """Another way to lay the scan on the design.
+
+    Attributes:
+        T_model_scan: [4][4].
+        score: as `Alignment.score`.
+    """
+
+    T_model_scan: Array
+    score: float
+
+
+@dataclass(frozen=True, eq=False)
+class Alignment:
+    """A scan laid on a design.
+
+    Attributes:
+        status: aligned | ambiguous (another hypothesis is nearly as good) | not_found.
+        reasons: plain sentences: why it is not aligned, and what else the reader should know.
+        T_model_scan: [4][4] from the scan's coordinates to the model's, metres; the best found, whatever the status.
+        rms_m: of the scan points within 20 mm of the design's faces.
+        scan_share: of the scan's points that are within 20 mm, one point a voxel.
+        model_share: of the design's faces that the scan shows.
+        score: harmonic mean of both shares.
+        voxel_m: edge of the voxels.
+        tilt_deg: between the scan's z and the model's.
+        alternatives: the other hypotheses, the best first.
+    """
+
+    status: AlignStatus
+    reasons: tuple[str, ...]
+    T_model_scan: Array
+    rms_m: float
+    scan_share: float
+    model_share: float
+    score: float
+    voxel_m: float
+    tilt_deg: float
+    alternatives: tuple[Alternative, ...]
+
+
+def align(
+    design: DesignModel,
+    *scans: Points,
+    near: npt.ArrayLike | None = None,
+    levelled: bool = True,
+    on_step: Callable[[str, float], None] | None = None,
+) -> Alignment:
+    """Return the rigid motion that takes a scan into the model's coordinates.
+
+    The search needs no guess: all headings and translations of a levelled scan (z up) are scored at once by
+    correlating occupied voxels; a scan that is not levelled goes through features and RANSAC. The best hypotheses are
+    refined, point to plane with a robust kernel, on the design's own faces; members that deviate count nothing.
+    The last refinement turns about all axes.
+
+    Args:
+        design: members and obstacles.
+        scans: of one registration, all in the same coordinates: Scan, points [P][3], or files, read piece by
+            piece and thinned to one point a voxel.
+        near: [4][4] a guess within about 0.3 m, in place of the search.
+        levelled: the scanner was levelled: z is up, in the model too.
+        on_step: called with what is being done and the share of it that is.
+
+    Raises:
+        SettingsError: no scan, a guess that is no rigid motion.
+        ScanError: a scan without points, or a file that cannot be read.
+        LinearIkError: a design without bodies.
+    """
+    say = on_step if on_step is not None else lambda what, share: None
+    if not scans:
+        raise SettingsError("scans", "none", "at least one")
+    guess = None if near is None else _rigid(near)
+    if not (design.members or any(len(o.triangles) for o in design.obstacles)):
+        raise LinearIkError(design.source, "has no bodies", "members or obstacles to lay a scan on")
+    say("reading", 0.0)
+    points, voxel_m = thin(_parts(scans), VOXEL_M)
+    target = Target(design)
+    # Single precision comes later: both clouds about origins of their own.
+    centre = np.round((points.min(axis=0) + points.max(axis=0)) / 2)
+    local = points - centre
+    rng = np.random.default_rng(0)
+    mixed = local[rng.permutation(len(local))]
+    some, few = mixed[:SOME_POINTS], mixed[:FEW_POINTS]
+    if guess is not None:
+        start = guess.copy()
+        start[:3, 3] = guess[:3, :3] @ centre + guess[:3, 3] - target.origin_m
+        candidates, near_m = [start], NEAR_START_M
+    else:
+        search = levelled_candidates if levelled else any_candidates
+        candidates, near_m = search(target.samples, local, lambda share: say("searching", share))
+    upright = levelled and guess is None
+    rough: list[tuple[float, Array]] = []
+    for i, T in enumerate(candidates):
+        refined = refine(target, few, T, near_m, ROUGH_SCALE_M, upright)
+        rough.append((share_within(target, few, refined, ROUGH_SCALE_M), refined))
+        say("refining", (i + 1) / len(candidates))
+    rough.sort(key=lambda r: -r[0])
+    found: list[tuple[Quality, Array]] = []
+    for T in [T for i, (_, T) in enumerate(rough) if not any(not _differs(T, U) for _, U in rough[:i])][:MOST_REFINED]:
+        refined = refine(target, some, T, ROUGH_SCALE_M, MIDDLE_SCALE_M, upright)
+        found.append((quality(target, local, refined, voxel_m), refined))
+    found.sort(key=lambda f: -f[0].score)
+    q, best = found[0]
+    if _is_found(q):
+        say("settling", 0.0)
+        best = refine(target, local, best, MIDDLE_SCALE_M, MIDDLE_SCALE_M / 2, False)
+        scale = max(2.0 * noise_m(target, local, best), LEAST_SCALE_M)
+        best = refine(target, local, best, scale, scale, False)
+        q = quality(target, local, best, voxel_m)
+    others: list[tuple[Quality, Array]] = []
+    for other, T in found[1:]:
+        if all(_differs(T, U) for U in (best, *(U for _, U in others))):
+            others.append((other, T))
+    held, direction = freedom(target, local, best)
+    tilt_deg = float(np.degrees(np.arccos(np.clip(best[2, 2], -1.0, 1.0))))
+    status, reasons = _judge(q, [other for other, _ in others], held, direction, tilt_deg, levelled)
+
+    def in_model(T: Array) -> Array:
+        out = T.copy()
+        out[:3, 3] += target.origin_m - T[:3, :3] @ centre
+        return np.asarray(out)
+
+    alternatives = tuple(Alternative(in_model(T), other.score) for other, T in others)
+    return Alignment(
+        status, reasons, in_model(best), q.rms_m, q.scan_share, q.model_share, q.score, voxel_m, tilt_deg, alternatives
+    )
+
+
+def _is_found(q: Quality) -> bool:
+    return max(q.scan_share, q.model_share) >= LEAST_SHARE and q.score >= LEAST_SCORE
+
+
+def _judge(
+    q: Quality, others: list[Quality], held: float, direction: Array, tilt_deg: float, levelled: bool
+) -> tuple[AlignStatus, tuple[str, ...]]:
+    if not _is_found(q):
+        return "not_found", (
+            f"The best position explains {100 * q.scan_share:.0f} % of the scan and shows {100 * q.model_share:.0f} % "
+            f"of the design, within {1000 * TIGHT_M:.0f} mm.",
+            "The scan seems to be of something else, or a guess was far off.",
+        )
+    reasons = []
+    status: AlignStatus = "aligned"
+    same = [other for other in others if other.score >= NEARLY_THE_SAME * q.score]
+    if same:
+        status = "ambiguous"
+        reasons.append(
+            f"{len(same)} other position{'s are' if len(same) > 1 else ' is'} nearly as good (score "
+            f"{same[0].score:.3f} beside {q.score:.3f}): a symmetric design? A guess (near) settles it."
+        )
+    if held < SLIDES:
+        status = "ambiguous"
+        along = ", ".join(f"{v:.2f}" for v in direction)
+        reasons.append(f"Hardly a face holds it along ({along}) in the model: it may have slid.")
+    if levelled and tilt_deg > TILTED_DEG:
+        reasons.append(f"The scan's z is {tilt_deg:.2f} degrees off the model's: was the scanner levelled?")
+    return status, tuple(reasons)
+
+
+def _parts(scans: tuple[Points, ...]) -> Iterator[Array]:
+    for scan in scans:
+        if isinstance(scan, Scan):
+            yield scan.points
+        elif isinstance(scan, np.ndarray):
+            yield Scan(scan).points
+        else:
+            for part in iter_scan(scan):
+                yield part.points
+
+
+def _differs(a: Array, b: Array) -> bool:
+    turn = float(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+    return turn > OTHER_TURN_RAD or float(np.linalg.norm(a[:3, 3] - b[:3, 3])) > OTHER_PLACE_M
+
+
+def _rigid(near: npt.ArrayLike) -> Array:
+    T = np.asarray(near, dtype=np.float64)
+    right = T.shape == (4, 4) and bool(np.isfinite(T).all()) and np.array_equal(T[3], [0, 0, 0, 1])
+    if not right or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-5 or np.linalg.det(T[:3, :3]) < 0:
+        raise SettingsError("near", "not a rigid motion", "a rotation and a translation in metres, [4][4]")
+    return T

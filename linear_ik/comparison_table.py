@@ -1,0 +1,168 @@
+"""A comparison as text: a table to read, CSV and JSON for programs."""
+
+from __future__ import annotations
+
+import csv
+import io
+import json
+import math
+import os
+from collections import Counter
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+
+from linear_ik.atomic import write_atomically
+from linear_ik.common_shift import CommonShift
+from linear_ik.compare import Comparison
+from linear_ik.errors import OutputError
+from linear_ik.movement import BAND_95, Movement
+
+SCHEMA = "linear_ik/comparison/1"
+NODES = {
+    "holm": "Sidak over the nodes, Holm over the elements",
+    "fdr": "Sidak over the nodes, Benjamini-Hochberg over the elements",
+    "none": "Sidak over the nodes, each element by itself",
+}
+COLUMNS = (
+    "key", "name", "verdict", "largest_m", "largest_band95_m", "largest_node", "largest_along_m", "largest_across_m",
+    "largest_x_m", "largest_y_m", "largest_z_m", "p_value", "p_adjusted", "status_before", "status_after", "reasons",
+)  # fmt: skip
+
+
+def check_table_format(path: str | os.PathLike[str]) -> None:
+    """Raise OutputError unless the ending is .csv or .json."""
+    if Path(path).suffix.lower() not in (".csv", ".json"):
+        raise OutputError(path, f"unknown extension {Path(path).suffix!r}", ".csv or .json")
+
+
+def write_comparison(comparison: Comparison, path: str | os.PathLike[str]) -> Path:
+    """Write a comparison as CSV (one row an element) or JSON (its nodes too), by the file's ending.
+
+    Raises:
+        OutputError: another ending, or a file that cannot be written.
+    """
+    check_table_format(path)
+    as_csv = Path(path).suffix.lower() == ".csv"
+    return write_atomically(path, comparison_csv(comparison) if as_csv else comparison_json(comparison))
+
+
+def comparison_csv(comparison: Comparison) -> str:
+    """Return one row an element, the most significant first; metres."""
+    out = io.StringIO()
+    writer = csv.writer(out, lineterminator="\n")
+    writer.writerow(COLUMNS)
+    for m in comparison.elements:
+        row = _row(m)
+        writer.writerow(["" if row[c] is None else row[c] for c in COLUMNS])
+    return out.getvalue()
+
+
+def comparison_json(comparison: Comparison) -> str:
+    """Return everything, the nodes included; metres, null for what is not known."""
+    shift = comparison.shift
+    top = {
+        "schema": SCHEMA,
+        "level": comparison.level,
+        "correction": NODES[comparison.correction],
+        "shift_removed": comparison.shift_removed,
+        "shift": None
+        if shift is None
+        else {
+            "translation_m": shift.translation_m.tolist(),
+            "rotation_rad": shift.rotation_rad.tolist(),
+            "centre_m": shift.centre_m.tolist(),
+            "covariance": shift.covariance.tolist(),
+            "elements": shift.elements,
+            "share": shift.share,
+            "p_value": shift.p_value,
+        },
+    }
+    lines = [f"{json.dumps(k)}: {json.dumps(v, allow_nan=False)}" for k, v in top.items()]
+    rows = ",\n  ".join(
+        json.dumps(_row(m) | _nodes(m), ensure_ascii=False, allow_nan=False) for m in comparison.elements
+    )
+    return "{\n" + ",\n".join(lines) + f',\n"elements": [\n  {rows}\n]\n' + "}\n"
+
+
+def comparison_lines(comparison: Comparison, most: int | None = None) -> list[str]:
+    """Return a table of the elements, the most significant first, and what it stands on."""
+    counts = Counter(m.verdict for m in comparison.elements)
+    total = len(comparison.elements)
+    lines = [
+        f"{counts['moved']} of {total} moved, {counts['not moved']} not moved, {counts['inconclusive']} inconclusive",
+        f"level {100 * comparison.level:g} %: {NODES[comparison.correction]}",
+        _shift_line(comparison.shift, comparison.shift_removed),
+        "",
+    ]
+    shown = comparison.elements[:most]
+    width = max([7, *(len(_label(m)) for m in shown)])
+    lines.append(f"{'verdict':<12}  {'element':<{width}}  {'largest mm':>17}  {'along':>7}  {'across':>7}  {'p':>8}")
+    for m in shown:
+        if m.tested:
+            k = m.largest
+            figures = (
+                f"{1000 * m.largest_m:7.2f} +- {1000 * m.largest_band_m:6.2f}  {1000 * m.along_m[k]:7.2f}  "
+                f"{1000 * m.across_m[k]:7.2f}  {m.p_adjusted:8.2g}"
+            )
+        else:
+            figures = f"{'-':>17}  {'-':>7}  {'-':>7}  {'-':>8}"
+        why = "  " + " ".join(m.reasons) if m.reasons else ""
+        lines.append(f"{m.verdict:<12}  {_label(m):<{width}}  {figures}{why}")
+    if len(shown) < total:
+        lines.append(f"... and {total - len(shown)} more")
+    return lines
+
+
+def _shift_line(shift: CommonShift | None, removed: bool) -> str:
+    if shift is None:
+        return "common shift: not known of fewer than three elements"
+    millimetres, sigma = 1000 * shift.translation_m, 1000 * np.sqrt(np.diag(shift.covariance)[:3])
+    parts = ", ".join(
+        f"{axis} {v:.2f} +- {BAND_95 * s:.2f}" for axis, v, s in zip("xyz", millimetres, sigma, strict=True)
+    )
+    turned = f", turned by {math.degrees(float(np.linalg.norm(shift.rotation_rad))):.4f} degrees"
+    text = f"common shift: {parts} mm{turned}; {100 * shift.share:.0f} % of {shift.elements} elements follow it"
+    if removed:
+        return text + "; removed"
+    return text + ("; registration? --remove-shift takes it out" if shift.p_value < 0.01 else "")
+
+
+def _label(m: Movement) -> str:
+    return m.key if m.name in ("", m.key) else f"{m.name} {m.key}"
+
+
+def _row(m: Movement) -> dict[str, Any]:
+    k = m.largest if m.tested else 0
+    x, y, z = (float(v) for v in m.displacement_m[k]) if m.tested else (math.nan,) * 3
+    row: dict[str, Any] = {
+        "key": m.key,
+        "name": m.name,
+        "verdict": m.verdict,
+        "largest_m": m.largest_m,
+        "largest_band95_m": m.largest_band_m,
+        "largest_node": k if m.tested else None,
+        "largest_along_m": float(m.along_m[k]) if m.tested else None,
+        "largest_across_m": float(m.across_m[k]) if m.tested else None,
+        "largest_x_m": x,
+        "largest_y_m": y,
+        "largest_z_m": z,
+        "p_value": m.p_value,
+        "p_adjusted": m.p_adjusted,
+        "status_before": m.statuses[0],
+        "status_after": m.statuses[1],
+        "reasons": " ".join(m.reasons),
+    }
+    return {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in row.items()}
+
+
+def _nodes(m: Movement) -> dict[str, Any]:
+    return {
+        "nodes_m": m.nodes_m.tolist(),
+        "displacement_m": m.displacement_m.tolist(),
+        "covariance_m2": m.covariance_m2.tolist(),
+        "along_m": m.along_m.tolist(),
+        "across_m": m.across_m.tolist(),
+        "p_nodes": m.p_nodes.tolist(),
+    }

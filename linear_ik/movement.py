@@ -1,0 +1,207 @@
+"""Movement: what became of one element between two scans, and how sure that is.
+
+Two fits of one design are compared node by node, at equal shares of the length. The epochs are
+independent, so a node's displacement d has the covariance C = C_before + C_after, and under "not
+moved" d' C^-1 d has a chi-square distribution with three degrees of freedom. The nodes of an
+element vary together, in a way that their own covariances don't say. Sidak's correction over the
+nodes, p = 1 - (1 - min p_k)^M, needs no more: for centred normal distributions the probability
+that all of several ellipsoids hold is at least the product of each one's, however they correlate
+(Royen's Gaussian correlation inequality), so that p is never too small.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass, replace
+from typing import Literal
+
+import numpy as np
+import numpy.typing as npt
+from scipy.stats import chi2
+
+from linear_ik.result import FitResult
+
+Array = npt.NDArray[np.float64]
+Verdict = Literal["moved", "not moved", "inconclusive"]
+
+BAND_95 = 1.959964  # two-sided 95 % of a normal distribution
+# Held nodes have no variance of their own; no scan tells a hundredth of a millimetre.
+LEAST_SIGMA_M = 1e-5
+# Designs that differ by more are two designs.
+SAME_DESIGN_M = 1e-3
+
+
+@dataclass(frozen=True, eq=False)
+class Movement:
+    """An element in two epochs. Metres, the scans' coordinates; M nodes, start to end.
+
+    Attributes:
+        key: what the two results have in common: the GlobalId, or the element's name.
+        name: of the element.
+        verdict: moved | not moved | inconclusive.
+        reasons: plain sentences: why it is inconclusive, and what else the reader should know.
+        statuses: of the two fits; "absent" where an epoch has none.
+        nodes_m: [M][3] before.
+        displacement_m: [M][3] after less before.
+        covariance_m2: [M][3][3] of the displacement, 1 sigma.
+        along_m: [M] part of the displacement along the member, towards its end positive.
+        across_m: [M] length of the part across it.
+        p_nodes: [M] chi-square, each node by itself.
+        p_value: of the element, Sidak over its nodes; NaN where it was not tested.
+        p_adjusted: corrected for the number of elements too.
+    """
+
+    key: str
+    name: str
+    verdict: Verdict
+    reasons: tuple[str, ...]
+    statuses: tuple[str, str]
+    nodes_m: Array
+    displacement_m: Array
+    covariance_m2: Array
+    along_m: Array
+    across_m: Array
+    p_nodes: Array
+    p_value: float
+    p_adjusted: float
+
+    @property
+    def tested(self) -> bool:
+        """Whether both epochs have the element."""
+        return len(self.nodes_m) > 0
+
+    @property
+    def largest(self) -> int:
+        """The node that moved farthest, from 0."""
+        return int(np.linalg.norm(self.displacement_m, axis=1).argmax())
+
+    @property
+    def largest_m(self) -> float:
+        """How far it moved; NaN where the element was not tested."""
+        return float(np.linalg.norm(self.displacement_m[self.largest])) if self.tested else float("nan")
+
+    @property
+    def largest_band_m(self) -> float:
+        """Half-width of its 95 % band, along its displacement."""
+        if not self.tested:
+            return float("nan")
+        d, C = self.displacement_m[self.largest], self.covariance_m2[self.largest]
+        length = float(np.linalg.norm(d))
+        variance = float(d @ C @ d) / length**2 if length > 0 else float(np.linalg.norm(C, 2))
+        return BAND_95 * float(np.sqrt(max(variance, 0.0)))
+
+    @property
+    def across_band_m(self) -> float:
+        """Half-width of the widest 95 % band across the member, over all nodes: what would stay unseen."""
+        if not self.tested:
+            return float("nan")
+        across = np.eye(3) - np.einsum("ki,kj->kij", *[_directions(self.nodes_m)] * 2)
+        return BAND_95 * float(np.sqrt(np.linalg.norm(across @ self.covariance_m2 @ across, 2, axis=(1, 2)).max()))
+
+
+def movement(key: str, before: FitResult | None, after: FitResult | None) -> Movement:
+    """Return what became of an element; `judge` gives the verdict.
+
+    Args:
+        key: of the element.
+        before: its result in the first epoch, None where there is none.
+        after: the same in the second.
+    """
+    known = next(r for r in (before, after) if r is not None)
+    statuses = tuple("absent" if r is None else str(r.status) for r in (before, after))
+    empty = Movement(
+        key, known.element.name, "inconclusive", (), (statuses[0], statuses[1]),
+        np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0), np.empty(0), np.empty(0),
+        float("nan"), float("nan"),
+    )  # fmt: skip
+    unseen = [f"The {epoch} epoch has no result." for epoch, r in _epochs(before, after) if r is None]
+    unseen += [
+        f"Not in the scan of the {epoch} epoch."
+        for epoch, r in _epochs(before, after)
+        if r is not None and r.status == "not_scanned"
+    ]
+    if unseen or before is None or after is None:
+        return replace(empty, reasons=tuple(unseen))
+    count = max(before.element.segments, after.element.segments)
+    (start, own_before), (end, own_after) = (_at_shares(r, count) for r in (before, after))
+    reasons = [
+        f"The fit of the {epoch} epoch says {r.status.replace('_', ' ')}: {' '.join(r.reasons)}".strip()
+        for epoch, r in (("first", before), ("second", after))
+        if r.status != "converged"
+    ]
+    if abs(before.element.length_m - after.element.length_m) > SAME_DESIGN_M:
+        reasons.append(f"Designed {before.element.length_m:.3f} m long, then {after.element.length_m:.3f} m.")
+    covariance = own_before + own_after
+    if not np.isfinite(covariance).all():
+        return replace(empty, reasons=(*reasons, "A fit does not know its covariance."))
+    return with_displacement(replace(empty, reasons=tuple(reasons), nodes_m=start), end - start, covariance)
+
+
+def with_displacement(of: Movement, displacement_m: Array, covariance_m2: Array) -> Movement:
+    """Return a movement with its figures and tests, of these displacements [M][3] and covariances [M][3][3]."""
+    directions = _directions(of.nodes_m)
+    along = np.einsum("ki,ki->k", displacement_m, directions)
+    across = np.linalg.norm(displacement_m - along[:, None] * directions, axis=1)
+    C = covariance_m2 + LEAST_SIGMA_M**2 * np.eye(3)
+    squared = np.einsum("ki,ki->k", displacement_m, np.linalg.solve(C, displacement_m[:, :, None])[:, :, 0])
+    p_nodes = chi2.sf(np.maximum(squared, 0.0), 3)
+    # 1 - (1 - p)^M without losing the digits of a small p.
+    p_value = float(-np.expm1(len(p_nodes) * np.log1p(-min(float(p_nodes.min()), 1.0 - 1e-16))))
+    return replace(
+        of,
+        displacement_m=displacement_m,
+        covariance_m2=covariance_m2,
+        along_m=along,
+        across_m=across,
+        p_nodes=p_nodes,
+        p_value=p_value,
+    )
+
+
+def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> Movement:
+    """Return a tested movement with its verdict.
+
+    Args:
+        of: the movement.
+        p_adjusted: its p-value, corrected for the number of elements.
+        level: of significance.
+        relevant_m: a movement across the member that must not stay unseen where it says "not moved".
+    """
+    if not of.tested:
+        return of
+    reasons = list(of.reasons)
+    if any(status != "converged" for status in of.statuses):
+        verdict: Verdict = "inconclusive"
+    elif p_adjusted <= level:
+        verdict = "moved"
+    elif of.across_band_m > relevant_m:
+        verdict = "inconclusive"
+        reasons.append(f"Its band reaches {1000 * of.across_band_m:.1f} mm: more than {1000 * relevant_m:g} mm.")
+    else:
+        verdict = "not moved"
+    return replace(of, verdict=verdict, reasons=tuple(reasons), p_adjusted=p_adjusted)
+
+
+def _epochs(before: FitResult | None, after: FitResult | None) -> tuple[tuple[str, FitResult | None], ...]:
+    return ("first", before), ("second", after)
+
+
+def _at_shares(result: FitResult, count: int) -> tuple[Array, Array]:
+    """Return a chain's points [count + 1][3] at equal shares of its length, and their covariances.
+
+    Between nodes a and b a point's covariance is taken as (1 - w) C_a + w C_b, the most that it can be
+    however the two correlate.
+    """
+    n = result.element.segments
+    place = np.linspace(0.0, n, count + 1)
+    k = np.minimum(place.astype(int), n - 1)
+    w = place - k
+    nodes, C = result.nodes_m, result.nodes_covariance_m2
+    points = (1.0 - w)[:, None] * nodes[k] + w[:, None] * nodes[k + 1]
+    return np.asarray(points), np.asarray((1.0 - w)[:, None, None] * C[k] + w[:, None, None] * C[k + 1])
+
+
+def _directions(nodes: Array) -> Array:
+    """Return the member's direction [M][3] at each of its nodes."""
+    steps = np.diff(nodes, axis=0)
+    both = np.concatenate([steps[:1], steps[:-1] + steps[1:], steps[-1:]])
+    return np.asarray(both / np.maximum(np.linalg.norm(both, axis=1), 1e-12)[:, None])
