@@ -27,7 +27,7 @@ Solver = Callable[[Objective, Array, Array], Array]
 TOLERANCE = 1e-9
 MOST_ITERATIONS = 20_000
 MOST_ROUNDS = 50
-SOLVED, SOLVED_INACCURATE = 1, 2  # OSQP's status values
+SOLVED = 1  # OSQP's status value
 
 
 def make_solver(name: str) -> Solver:
@@ -76,7 +76,7 @@ class OsqpStep:
         solver.update(q=c, l=low, u=high, Px=H[upper_triangle])
         solver.warm_start(x=x, y=y)
         solution = solver.solve(raise_error=False)
-        solved = solution.info.status_val in (SOLVED, SOLVED_INACCURATE)
+        solved = solution.info.status_val == SOLVED
         # A start that OSQP's first check confirms is the answer, to the last bit.
         if not solved or solution.info.iter > 1:
             x, y = np.asarray(solution.x), np.asarray(solution.y)
