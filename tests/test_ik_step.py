@@ -139,7 +139,7 @@ def test_a_program_that_osqp_gives_up_is_solved_all_the_same(monkeypatch: pytest
 
 
 def test_a_program_that_nobody_solves_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
-    unsolved = scipy.optimize.OptimizeResult(x=np.zeros(30), success=False)
+    unsolved = scipy.optimize.OptimizeResult(x=np.zeros(30), active_mask=np.zeros(30), success=False)
     monkeypatch.setattr(ik_step, "_active_set", lambda *_: None)
     monkeypatch.setattr(ik_step, "MOST_ITERATIONS", 2)
     monkeypatch.setattr(scipy.optimize, "lsq_linear", lambda *_, **__: unsolved)
