@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
+from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread, unobservable
 from linear_ik.chain import BASE
 from linear_ik.descent import Log, known_terms
 from linear_ik.doubts import (
@@ -113,6 +113,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         surface_rmse_m=settled.tally.surface_rmse_m,
         range_noise_m=noise_m,
         segments=segments,
+        unobservable=unobservable(problem, pose, node_covariance),
     )
 
 
