@@ -18,6 +18,7 @@ from linear_ik.design_axis import check_axis_points, polyline_length_m
 from linear_ik.element import Element, Placement, PlacementTolerance
 from linear_ik.errors import ElementError
 from linear_ik.profile import PROFILES, Polygon, Profile
+from linear_ik.section_names import section
 from linear_ik.strict_yaml import NUMBER, StrictLoader, unique_keys, whole_number
 
 LARGEST_FILE_BYTES = 256 * 1024  # a polygon of 1000 corners takes 100 kB
@@ -157,8 +158,13 @@ def _mapping(name: str, value: object, keys: tuple[str, ...], required: tuple[st
 
 def _profile(name: str, value: object) -> Profile:
     types = tuple(PROFILES)
+    if isinstance(value, str) and value not in PROFILES:
+        try:
+            return section(value)
+        except ElementError as error:
+            raise error.about(name) from None
     if not isinstance(value, Mapping):
-        raise ElementError(name, f"{_short(value)} is not a set of keys", "type and dimensions")
+        raise ElementError(name, f"{_short(value)} is not a set of keys", "type and dimensions, or a section's name")
     if "type" not in value:
         raise ElementError(name, "key type is missing", "one of " + ", ".join(types))
     kind = value["type"]
@@ -184,7 +190,7 @@ def _tolerance(name: str, value: object) -> PlacementTolerance:
 
 
 def _text(name: str, value: object) -> str:
-    if isinstance(value, str):
+    if isinstance(value, str) and value not in PROFILES:
         return value
     hint = f'; put it in quotes: "{value}"' if isinstance(value, (int, float)) else ""
     _fail(name, value, "text", f"text{hint}")

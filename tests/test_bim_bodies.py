@@ -66,14 +66,15 @@ def test_far_from_the_origin_digits_are_kept(tmp_path):
 
 
 # IFC's cardinal points 1 to 9: where of the section the axis runs, as (x, y) of its bounding box, -1 to 1.
-CARDINALS = {i + 1: (i % 3 - 1, i // 3 - 1) for i in range(9)}
+# Left is +X: the section is seen along the axis.
+CARDINALS = {i + 1: (1 - i % 3, i // 3 - 1) for i in range(9)}
 
 
 @pytest.mark.parametrize("cardinal", CARDINALS)
 @pytest.mark.parametrize("by", ["profile", "solid"])
 def test_the_axis_is_the_middle_of_the_section_whatever_point_it_was_drawn_from(cardinal, by, tmp_path):
     file = IfcFile()
-    # Drawn from a corner: the section is shifted the other way. X is left of somebody who looks along the axis.
+    # Drawn from a corner: the section is shifted the other way.
     x, y = -CARDINALS[cardinal][0] * 0.075, -CARDINALS[cardinal][1] * 0.15
     if by == "profile":
         solid = file.extrusion(ipe(file, file.frame2d((x, y))), 5)
@@ -83,6 +84,42 @@ def test_the_axis_is_the_middle_of_the_section_whatever_point_it_was_drawn_from(
     element = read_one(file, tmp_path)
     check_axis(element, (x, y, 0), (x, y, 5))
     assert element.profile == IShape(0.15, 0.3, 0.0071, 0.0107, 0.015)
+
+
+def line_with_profile(file, point, profile, length=5.0, kind="IfcBeam", ends=None):
+    """A member of an axis and a material profile alone."""
+    curve = file.polyline(ends or [(0, 0, 0), (0, 0, length)])
+    axis = file.new("IfcShapeRepresentation", file.context, "Axis", "Curve3D", [curve])
+    made = file.product(kind, placement=file.frame((1, 2, 3), (1, 0, 0), (0, 1, 0)), extra=(None,))
+    made.Representation = file.new("IfcProductDefinitionShape", None, None, [axis])
+    material = file.new("IfcMaterial", "S355", None, None)
+    one = file.new("IfcMaterialProfile", "P", None, material, profile, None, None)
+    usage = file.new(
+        "IfcMaterialProfileSetUsage", file.new("IfcMaterialProfileSet", "S", None, [one], None), point, None
+    )
+    file.rooted("IfcRelAssociatesMaterial", None, None, [made], usage)
+
+
+@pytest.mark.parametrize("cardinal", CARDINALS)
+def test_a_line_and_a_profile_make_a_member_without_a_body(cardinal, tmp_path):
+    file = IfcFile()
+    line_with_profile(file, cardinal, ipe(file))
+    (member,) = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1).members
+    x, y = -CARDINALS[cardinal][0] * 0.075, -CARDINALS[cardinal][1] * 0.15
+    # Local X is the world's Y, local Y its Z.
+    check_axis(member.element, (1, 2 + x, 3 + y), (6, 2 + x, 3 + y))
+    assert member.element.profile == IShape(0.15, 0.3, 0.0071, 0.0107, 0.015)
+    assert (member.profile_name, "no body" in member.remark) == ("IPE300", True)
+
+
+def test_a_line_that_leaves_its_section_open_is_left_out(tmp_path):
+    file = IfcFile()
+    line_with_profile(file, 15, ipe(file))
+    line_with_profile(file, 5, ipe(file), ends=[(0, 0, 0), (5, 0, 0)])
+    model = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1)
+    assert not model.members
+    assert "cardinal point 15" in model.left_out[0].reason
+    assert "not straight along its own Z" in model.left_out[1].reason
 
 
 def test_the_position_may_be_in_the_solid_alone(tmp_path):
@@ -421,3 +458,65 @@ def test_pieces_one_behind_the_other_are_one_bent_member(tmp_path):
     element = read_one(file, tmp_path, tolerance_m=6e-3)
     T = element.placement.T_world_element
     np.testing.assert_allclose(np.array(element.axis_points) @ T[:3, :3].T + T[:3, 3], nodes, atol=1e-9)
+
+
+OTHER_PROFILES = {
+    "IfcCShapeProfileDef": (0.2, 0.08, 0.003, 0.02, None),
+    "IfcZShapeProfileDef": (0.2, 0.08, 0.005, 0.005, None, None),
+    "IfcAsymmetricIShapeProfileDef": (0.2, 0.3, 0.01, 0.015, None, 0.1, 0.012, None),
+    "IfcTrapeziumProfileDef": (0.3, 0.2, 0.25, 0.05),
+    "IfcEllipseProfileDef": (0.2, 0.1),
+    "IfcRoundedRectangleProfileDef": (0.3, 0.2, 0.05),
+}
+
+
+@pytest.mark.parametrize("kind", OTHER_PROFILES)
+def test_parameterised_sections_that_the_package_has_no_name_for_are_drawn(kind, tmp_path):
+    file = IfcFile()
+    profile = file.new(kind, "AREA", "P", file.frame2d((1, 2)), *OTHER_PROFILES[kind])
+    file.beam(file.extrusion(profile, 4))
+    element = read_one(file, tmp_path)
+    assert isinstance(element.profile, Polygon)
+    width, depth = np.ptp(element.profile.outline(), axis=0)
+    # As the geometry kernel draws them.
+    expected = {
+        "IfcCShapeProfileDef": (0.08, 0.2),
+        "IfcZShapeProfileDef": (0.16, 0.2),
+        "IfcAsymmetricIShapeProfileDef": (0.2, 0.3),
+        "IfcTrapeziumProfileDef": (0.3, 0.25),
+        "IfcEllipseProfileDef": (0.4, 0.2),
+        "IfcRoundedRectangleProfileDef": (0.3, 0.2),
+    }[kind]
+    assert (width, depth) == pytest.approx(expected, abs=2e-3)
+
+
+def test_a_flange_that_slopes_is_drawn_and_one_that_hardly_does_is_not(tmp_path):
+    for slope, kind in ((0.08, Polygon), (0.001, UShape)):
+        file = IfcFile()
+        profile = file.new(
+            "IfcUShapeProfileDef", "AREA", "U", file.frame2d(), 0.2, 0.075, 0.0085, 0.0115, 0.0115, 0.006, slope
+        )
+        file.beam(file.extrusion(profile, 4))
+        assert type(read_one(file, tmp_path).profile) is kind
+
+
+def test_a_beam_with_an_end_plate_is_read_from_its_longest_solid(tmp_path):
+    file = IfcFile()
+    plate = file.new("IfcRectangleProfileDef", "AREA", None, file.frame2d(), 0.25, 0.4)
+    file.beam(file.extrusion(ipe(file), 6), file.extrusion(plate, 0.02, file.frame((0, 0, -0.02))))
+    (member,) = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1).members
+    assert member.element.profile == IShape(0.15, 0.3, 0.0071, 0.0107, 0.015)
+    assert member.remark
+    check_axis(member.element, (0, 0, -0.02), (0, 0, 6), 0.021)
+
+
+def test_a_column_with_a_corbel_keeps_its_section_and_says_so(tmp_path):
+    outline = [(0, 0), (0.3, 0), (0.3, 3.0), (0.5, 3.2), (0.5, 3.5), (0.3, 3.5), (0.3, 5), (0, 5)]
+    corners, faces = prism(outline, 0.4)
+    file = IfcFile()
+    # Drawn lying: its length is y, its section x and z.
+    file.product("IfcColumn", file.box_mesh(corners, faces), extra=(None,), representation="Brep")
+    (member,) = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1).members
+    assert sorted(vars(member.element.profile).values()) == pytest.approx([0.3, 0.4])
+    assert member.element.length_m == pytest.approx(5)
+    assert member.remark == "its body sticks out of its section by 200.0 mm"

@@ -57,6 +57,7 @@ def world_bodies(name):
     settings = ifcopenshell.geom.settings()
     settings.set("use-world-coords", True)
     settings.set("circle-segments", 48)
+    settings.set("function-step-param", 5.0)
     file = model(name)
     products = [file.by_guid(member.guid) for member in design(name).members]
     iterator = ifcopenshell.geom.iterator(
@@ -225,7 +226,7 @@ def test_the_polygons_of_revit_are_the_sections_that_their_names_say():
         assert sorted((profile.depth, profile.width)) == pytest.approx([0.0762, 0.0889], abs=1e-5)
         assert profile.thickness == pytest.approx(0.009525, abs=1e-5)
     # Stubs of 430 mm under the 300 mm deep columns.
-    assert {one.reason for one in design(REVIT).left_out} == {"it is a plate, not linear: 430 x 300 x 90 mm"}
+    assert {one.reason for one in design(REVIT).left_out} == {"it is a stub, not linear: 430 x 300 x 90 mm"}
     assert len(design(REVIT).left_out) == 5
 
 
@@ -286,3 +287,20 @@ def test_the_piles_in_feet():
         assert isinstance(member.element.profile, CircleHollow)
         assert dimensions(member.element.profile) == pytest.approx((0.75 * foot, 0.03125 * foot))
         assert member.profile_name == "18 in. x 0.375 in."
+
+
+def test_the_other_bodies_stand_in_the_way_and_the_kernel_keeps_quiet(capfd):
+    # The deck and the railings follow a gradient curve, whose sections the kernel prints.
+    read = linear_ik.read_design(DATA / f"{GIRDERS}.ifc", threads=1)
+    assert Counter(o.ifc_class for o in read.obstacles) == {"IfcRailing": 2, "IfcSlab": 1}
+    assert capfd.readouterr().out == ""
+    revit = linear_ik.read_design(DATA / f"{REVIT}.ifc", threads=2)
+    text = (DATA / f"{REVIT}.ifc").read_text(errors="replace")
+    others = len(re.findall(r"^#\d+\s*=\s*IFC(SLAB|WALLSTANDARDCASE|BUILDINGELEMENTPROXY)\(", text, re.M))
+    assert len(revit.obstacles) == others + len(revit.left_out)
+    # Two threads give what one does.
+    assert [m.guid for m in revit.members] == [m.guid for m in design(REVIT).members]
+    assert [m.element for m in revit.members] == [m.element for m in design(REVIT).members]
+    for obstacle in revit.obstacles:
+        assert obstacle.triangles.max() < len(obstacle.vertices_m)
+        assert np.isfinite(obstacle.vertices_m).all()

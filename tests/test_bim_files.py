@@ -121,7 +121,8 @@ def test_the_classes_and_what_stands_besides(tmp_path):
     bar = file.extrusion(profile, 3)
     for kind, extra in (
         ("IfcBeam", (None,)), ("IfcBeamStandardCase", (None,)), ("IfcColumn", (None,)),
-        ("IfcColumnStandardCase", (None,)), ("IfcMember", (None,)), ("IfcMemberStandardCase", (None,)), ("IfcPile", (None, None)),
+        ("IfcColumnStandardCase", (None,)), ("IfcMember", (None,)), ("IfcMemberStandardCase", (None,)),
+        ("IfcPile", (None, None)),
         ("IfcPipeSegment", (None,)), ("IfcDuctSegment", (None,)), ("IfcCableCarrierSegment", (None,)),
         ("IfcReinforcingBar", (None,) * 6), ("IfcSlab", (None,)), ("IfcPlate", (None,)), ("IfcPipeFitting", (None,)),
     ):  # fmt: skip

@@ -4,7 +4,11 @@ from __future__ import annotations
 
 import csv
 import json
+import os
+import signal
+import subprocess
 import sys
+import time
 from pathlib import Path
 
 import numpy as np
@@ -86,6 +90,34 @@ def test_the_person_is_told_what_was_found(fitted):
     assert lines[-2].startswith("elements   ")
     assert lines[-1].startswith("written    ")
     assert "asbuilt.ifc" in lines[-1]
+
+
+def test_ctrl_c_leaves_what_is_finished_and_nothing_half(frame, fitted, tmp_path):
+    _, folder = frame
+    out = tmp_path / "asbuilt"
+    code = "from linear_ik.cli import main; main()"
+    arguments = ["fit", folder / "design.ifc", folder / "site.laz", "-o", out, "--only", ",".join(fitted[2])]
+    process = subprocess.Popen(
+        [sys.executable, "-c", code, *map(str, arguments), "--workers", "1"],
+        stdout=subprocess.PIPE,
+        stderr=subprocess.PIPE,
+        text=True,
+        start_new_session=True,
+    )
+    deadline = time.monotonic() + 100
+    while not list((out / "elements").glob("[!.]*.json")) and time.monotonic() < deadline:
+        time.sleep(0.01)
+    # As a terminal does it: to every process of the command.
+    os.killpg(process.pid, signal.SIGINT)
+    stdout, stderr = process.communicate(timeout=60)
+    assert (process.returncode, stdout, stderr) == (130, "", "interrupted\n")
+    assert len(list((out / "elements").iterdir())) == 1
+    assert not list(out.rglob(".linear_ik-*"))
+    again = run(*arguments, "--workers", 1)
+    assert again.returncode == 0, again.stderr
+    for guid in fitted[2]:
+        results = [json.loads((o / "elements" / f"{guid}.json").read_text()) for o in (out, fitted[1])]
+        assert {**results[0], "timings_s": 0} == {**results[1], "timings_s": 0}
 
 
 def test_nothing_of_it_in_the_scan_is_exit_code_3(frame, tmp_path):

@@ -157,6 +157,17 @@ def test_a_body_measures_from_its_faces():
     assert len(Body.fitted(result).may_touch(outside + [5, 0, 0], 0.03)) == 0
 
 
+def test_deviations_are_from_the_same_face_however_thin_the_plate():
+    column = design().members[0].element  # its web is 9 mm thick
+    shift = np.eye(4)
+    shift[:3, 3] = (0.025, 0.0, 0.3)
+    scan = linear_ik.simulate(column, points=3000, noise_m=0.0, displacement=shift)
+    bodies = Body(column, scan.base_pose, Body.designed(column).T_base_segment), Body.designed(column)
+    deviation = bodies[0].deviations(scan.points, bodies[1])
+    assert np.abs(deviation - scan.surface_normals @ [0.025, 0, 0]).max() < 1e-9
+    assert np.abs(bodies[1].distances(scan.points)[0] - deviation).max() > 0.02
+
+
 def test_points_on_a_plate_are_masked_those_of_the_element_are_not():
     beam = design().members[1].element
     on_beam = linear_ik.simulate(beam, points=2000).points

@@ -51,8 +51,11 @@ def cut(vertices: Array, triangles: Triangles, z_m: float) -> list[Section]:
     alone = crossing[rows, odd]
     ends = [_crossing(vertices, alone, crossing[rows, (odd + k) % 3], z_m) for k in (1, 2)]
     lines = shapely.linestrings(np.stack(ends, axis=1))
-    # Noding makes faces of meshes too whose triangles don't quite meet or lie on each other.
-    faces = list(shapely.polygonize([shapely.unary_union(shapely.set_precision(lines, 1e-7))]).geoms)
+    closed, *rest = shapely.polygonize_full(lines)
+    if any(len(left.geoms) for left in rest):
+        # Noding makes faces of meshes too whose triangles don't quite meet or lie on each other.
+        closed = shapely.polygonize([shapely.unary_union(shapely.set_precision(lines, 1e-7))])
+    faces = list(closed.geoms)
     whole = shapely.unary_union(faces)
     pieces = [whole] if whole.geom_type == "Polygon" else list(getattr(whole, "geoms", []))
     pieces = [shapely.Polygon(p.exterior) for p in pieces if p.geom_type == "Polygon" and p.area > LEAST_AREA_M2]

@@ -65,10 +65,10 @@ def sweeps_of_mesh(
     return found, reason or "its body has no edge"
 
 
-def shape(sides: Array) -> str:
-    """Say what a body of these sides [3] is that is not slender."""
+def shape(sides: Array, full: bool = True) -> str:
+    """Say what a body of these sides [3] is that is not slender; only a full section makes a plate."""
     long, middle, short = np.sort(sides)[::-1]
-    kind = "a plate" if short < FLAT * middle else "a stub"
+    kind = "a plate" if full and short < FLAT * middle else "a stub"
     return f"{kind}, not linear: {1000 * long:.0f} x {1000 * middle:.0f} x {1000 * short:.0f} mm"
 
 
@@ -235,7 +235,7 @@ def _far(a: Array, b: Array) -> float:
 
 def _at(T: Array, z_m: float) -> Array:
     """Return a frame moved along its own Z."""
-    moved = T.copy()
+    moved = np.array(T)
     moved[:3, 3] += z_m * T[:3, 2]
     return moved
 

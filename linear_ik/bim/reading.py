@@ -10,6 +10,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.axis_design import placement_of
 from linear_ik.bim.body_check import enough_segments
 from linear_ik.bim.file import open_model
 from linear_ik.bim.georeference import angle_unit_rad, length_unit_m, map_conversion, true_north
@@ -117,9 +118,10 @@ def _read_members(
         reason = reading.reason
         if guid in seen:
             reason = "its GlobalId is that of another element"
-        elif reading.sweep is not None and body is not None:
+        elif reading.sweep is not None:
             try:
-                element = _element(product, reading.sweep, body, how)
+                T = body.T_world_product if body is not None else placement_of(product, reader.unit_m)
+                element = _element(product, reading.sweep, T, how)
                 tag = text(getattr(product, "Tag", None)) or text(product.Name)
                 section = profile_name(product, reading.solid)
                 members.append(Member(guid, name, text(product.Name), tag, section, element, reading.remark))
@@ -132,8 +134,8 @@ def _read_members(
     return members, left_out, unfit
 
 
-def _element(product: Any, sweep: Sweep, body: Body, how: DesignSettings) -> Element:
-    T = body.T_world_product @ sweep.T_product_start
+def _element(product: Any, sweep: Sweep, T_world_product: Array, how: DesignSettings) -> Element:  # noqa: N803
+    T = T_world_product @ sweep.T_product_start
     location, axis, ref = (tuple(float(v) for v in T[:3, k]) for k in (3, 2, 0))
     segments = how.segments_for(sweep.length_m)
     points = None

@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.solids import body_representation
 from linear_ik.quiet import silence
 
 Array = npt.NDArray[np.float64]
@@ -21,7 +22,11 @@ Triangles = npt.NDArray[np.int64]
 DEFLECTION_M = 2e-4
 # Solids without curves go four times as fast with the first of the two.
 KERNEL = "hybrid-cgal-simple-opencascade"
+# Thirty times as fast with booleans.
+BOOLEAN_KERNEL = "manifold"
 CIRCLE_CHORDS = 32
+# Of alignments and the like; 0.4 mm below a curve of 300 m radius, at half the time of the kernel's own step.
+STEP_M = 1.0
 ANGLE_RAD = 0.27
 
 
@@ -57,24 +62,44 @@ def bodies(
     """
     import ifcopenshell.geom as geom
 
-    if not products:
-        return
-    kernel = KERNEL if geom.has_geometry_library(KERNEL) else "opencascade"
-    with silence():
-        iterator = geom.iterator(_settings(), model, threads, include=list(products), geometry_library=kernel)
-        more = iterator.initialize()
+    cut = [product for product in products if _is_cut_by_solids(product)]
+    other = {product.id() for product in cut}
     done = 0
-    while more:
+    for kernel, some in ((KERNEL, [p for p in products if p.id() not in other]), (BOOLEAN_KERNEL, cut)):
+        if not some:
+            continue
+        library = kernel if geom.has_geometry_library(kernel) else "opencascade"
         with silence():
-            shape = iterator.get()
-            body = _body(shape.geometry, shape.transformation)
-            found = int(shape.id)
-            more = bool(iterator.next())
-        done += 1
-        if on_progress is not None:
-            on_progress(done, len(products))
-        if len(body.triangles):
-            yield found, body
+            iterator = geom.iterator(_settings(), model, threads, include=some, geometry_library=library)
+            more = iterator.initialize()
+        while more:
+            with silence():
+                shape = iterator.get()
+                body = _body(shape.geometry, shape.transformation)
+                found = int(shape.id)
+                more = bool(iterator.next())
+            done += 1
+            if on_progress is not None:
+                on_progress(done, len(products))
+            if len(body.triangles):
+                yield found, body
+
+
+def _is_cut_by_solids(product: Any) -> bool:
+    """Say whether a body is made by booleans of solids alone; with half spaces the second kernel takes nothing off."""
+    representation = body_representation(product)
+    if representation is None or getattr(product, "HasOpenings", None):
+        return False
+    items = list(representation.Items)
+    booleans = False
+    while items:
+        item = items.pop()
+        if item.is_a("IfcBooleanResult"):
+            booleans = True
+            items += [item.FirstOperand, item.SecondOperand]
+        elif not item.is_a("IfcSweptAreaSolid"):
+            return False
+    return booleans
 
 
 def item_body(item: Any) -> Body | None:
@@ -156,6 +181,7 @@ def _settings(curve: bool = False) -> Any:
     settings.set("mesher-linear-deflection", DEFLECTION_M)
     settings.set("mesher-angular-deflection", ANGLE_RAD)
     settings.set("circle-segments", CIRCLE_CHORDS)
+    settings.set("function-step-param", STEP_M)
     if curve:
         settings.set("dimensionality", 0)
     return settings

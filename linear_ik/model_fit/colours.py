@@ -1,7 +1,7 @@
 """Colours: the scan's points on the elements, coloured by how far they are from the design.
 
 A point belongs to the fitted surface that it is nearest to; its deviation is the signed
-distance to that element's designed surface. Points on nothing that was fitted are left out.
+distance to the same face as designed. Points on nothing that was fitted are left out.
 """
 
 from __future__ import annotations
@@ -77,7 +77,7 @@ def colour_scan(
         return out
     total = int(fits.extent.get("points", 0))
     comments = [
-        "linear_ik: signed distance to the designed surface, metres, outside positive",
+        "linear_ik: signed distance to the same face as designed, metres, outside positive",
         f"blue -{options.legend_m:g} m, grey 0, red +{options.legend_m:g} m; element: row of elements.csv, from 1",
     ]
     count, done = 0, 0
@@ -105,7 +105,7 @@ def colour_scan(
     out.legend = {
         "inputs": inputs,
         "files": out.files,
-        "of": "signed distance to the designed surface",
+        "of": "signed distance to the same face as designed, outside positive",
         "legend_m": options.legend_m,
         "points": count,
         "lowest_m": low if count else None,
@@ -142,7 +142,7 @@ def _belonging(
         deviation = np.empty(len(rows))
         for i in np.unique(owner[rows]):
             of_i = owner[rows] == i
-            deviation[of_i] = designed[int(i)].distances(points[rows[of_i]])[0]
+            deviation[of_i] = fitted[int(i)].deviations(points[rows[of_i]], designed[int(i)])
         yield points[rows], deviation, owner[rows]
 
 

@@ -13,7 +13,8 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import connection, get_context, parent_process
+from multiprocessing import Pipe, get_context
+from multiprocessing.connection import Connection
 from typing import Protocol
 
 from linear_ik.model_fit.tasks import Outcome, Task, run_task
@@ -54,6 +55,7 @@ class Processes:
     def __init__(self, workers: int) -> None:
         """Start none yet: the first tasks do."""
         self._executors: list[ProcessPoolExecutor | None] = [None] * workers
+        self._lifelines: list[Connection | None] = [None] * workers
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
         """Yield the outcome of every task, in the order they end."""
@@ -83,7 +85,7 @@ class Processes:
                 yield outcome
 
     def close(self) -> None:
-        """Let the processes end."""
+        """End the processes, whatever they are at."""
         for slot in range(len(self._executors)):
             self._drop(slot)
 
@@ -91,7 +93,8 @@ class Processes:
         for _ in range(MOST_ATTEMPTS):
             executor = self._executors[slot]
             if executor is None:
-                executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=prepare_worker)
+                there, self._lifelines[slot] = Pipe(duplex=False)
+                executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=prepare_worker, initargs=(there,))
                 self._executors[slot] = executor
             try:
                 with one_thread_each():
@@ -105,6 +108,9 @@ class Processes:
         executor, self._executors[slot] = self._executors[slot], None
         if executor is not None:
             executor.shutdown(wait=False, cancel_futures=True)
+        lifeline, self._lifelines[slot] = self._lifelines[slot], None
+        if lifeline is not None:
+            lifeline.close()
 
 
 @contextmanager
@@ -122,15 +128,15 @@ def one_thread_each() -> Iterator[None]:
                 os.environ[name] = value
 
 
-def prepare_worker() -> None:
-    """Start quickly, leave Ctrl-C to the parent, and end when it does, however it ends."""
+def prepare_worker(lifeline: Connection) -> None:
+    """Start quickly, leave Ctrl-C to the parent, and end when it closes its end of the lifeline or dies itself."""
     defer_plots()
     signal.signal(signal.SIGINT, signal.SIG_IGN)
-    threading.Thread(target=_end_with_parent, daemon=True).start()
+    threading.Thread(target=_end_with, args=(lifeline,), daemon=True).start()
 
 
-def _end_with_parent() -> None:
-    parent = parent_process()
-    if parent is not None:
-        connection.wait([parent.sentinel])
+def _end_with(lifeline: Connection) -> None:
+    try:
+        lifeline.recv()
+    except (EOFError, OSError):
         os._exit(1)

@@ -62,9 +62,37 @@ class Body:
     def may_touch(self, points: Array, margin_m: float) -> Index:
         """Return the rows of points [P][3] in the body's box grown by ``margin_m``: no others are that near."""
         nodes, reach_m = self._pose.nodes_m, self._matcher.surface.reach_m + margin_m
-        local = (points - self.T_world_base[:3, 3]) @ self.T_world_base[:3, :3]
+        local = self._local(points)
         low, high = nodes.min(axis=0) - reach_m, nodes.max(axis=0) + reach_m
         return np.flatnonzero(((local >= low) & (local <= high)).all(axis=1))
+
+    def deviations(self, points: Array, design: Body) -> Array:
+        """Return how far points [P][3] on this body are from the same faces of the body as designed, along the normals.
+
+        A point's foot here is carried to the design with its segment; what counts is the
+        distance from there along the designed face's normal, positive outside. The nearest
+        designed face would be another one where a thin plate has moved by more than its thickness.
+        """
+        out = np.empty(len(points))
+        T_design = design.T_base_segment
+        for start in range(0, len(points), POINTS_AT_ONCE):
+            local = self._local(points[start : start + POINTS_AT_ONCE])
+            pairs = self._matcher.match(self._pose, local)
+            in_design = design._local(points[start : start + POINTS_AT_ONCE][pairs.order])
+            foot, normal = pairs.local.copy(), np.zeros_like(pairs.local)
+            normal[:, :2] = pairs.gradient
+            if pairs.axial is not None:
+                normal[:, 2] = pairs.axial
+            foot -= pairs.residual_m[:, None] * normal
+            for k in range(len(T_design)):
+                rows = slice(pairs.starts[k], pairs.starts[k + 1])
+                R, t = T_design[k, :3, :3], T_design[k, :3, 3]
+                foot[rows], normal[rows] = foot[rows] @ R.T + t, normal[rows] @ R.T
+            out[start + pairs.order] = np.einsum("pi,pi->p", normal, in_design - foot)
+        return out
+
+    def _local(self, points: Array) -> Array:
+        return np.asarray((points - self.T_world_base[:3, 3]) @ self.T_world_base[:3, :3])
 
     def distances(self, points: Array) -> tuple[Array, Array, Index]:
         """Return how far points [P][3] of the scan's coordinates are from the surface.
@@ -76,9 +104,7 @@ class Body:
         signed, nearest = np.empty(len(points)), np.empty(len(points))
         segment = np.empty(len(points), dtype=np.intp)
         for start in range(0, len(points), POINTS_AT_ONCE):
-            part = points[start : start + POINTS_AT_ONCE]
-            local = (part - self.T_world_base[:3, 3]) @ self.T_world_base[:3, :3]
-            pairs = self._matcher.match(self._pose, local)
+            pairs = self._matcher.match(self._pose, self._local(points[start : start + POINTS_AT_ONCE]))
             rows = start + pairs.order
             signed[rows], nearest[rows], segment[rows] = pairs.residual_m, pairs.distance_m, pairs.segment
         return signed, nearest, segment

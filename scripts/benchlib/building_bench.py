@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import argparse
 import json
+import os
+import resource
 import subprocess
 import sys
 import tempfile
@@ -82,7 +84,10 @@ def bench(asked: argparse.Namespace, folder: Path) -> int:
     for workers in runs:
         out = folder / f"asbuilt-{workers}"
         arguments = [str(design), str(scan), "-o", str(out), "--workers", str(workers)]
+        before = resource.getrusage(resource.RUSAGE_CHILDREN)
         peak_mb, exit_code = measured([sys.executable, "-m", "linear_ik", "fit", *arguments])
+        after = resource.getrusage(resource.RUSAGE_CHILDREN)
+        cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if exit_code:
             print(f"linear-ik fit ended with {exit_code}")
             return 1
@@ -93,6 +98,8 @@ def bench(asked: argparse.Namespace, folder: Path) -> int:
         print(f"\nworkers     {workers}")
         print("seconds     " + ", ".join(f"{name} {value:.1f}" for name, value in timings.items()))
         print(f"an element  {each:.2f} s of fits; {timings['total'] / n:.2f} s of everything")
+        busy = f"load {os.getloadavg()[1]:.1f} on {os.cpu_count()} cores"
+        print(f"processor   {cpu_s / n:.2f} s an element, everything; {busy}")
         print(f"memory      {peak_mb:,.0f} MB at most, all processes together (their own pages)")
         accuracy(plan, seen, out)
     if len(runs) > 1:
