@@ -17,6 +17,9 @@ Mask = npt.NDArray[np.bool_]
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
+# Doubts that the covariance carries in full: who tests against it need not doubt again.
+PLACE_NOT_SHOWN = "the scan does not show where the element lies along its axis"
+BENDING_NOT_SHOWN = "the visible faces do not show all bending"
 MOST_SPREAD_M = 0.010
 
 
@@ -142,15 +145,9 @@ def judge(
     across_m, along_m = sd_m
     if across_m.max() > MOST_SPREAD_M:
         worst = int(across_m.argmax())
-        reasons.append(
-            "the visible faces do not show all bending: "
-            f"node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)"
-        )
+        reasons.append(f"{BENDING_NOT_SHOWN}: node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)")
     if along_m.max() > MOST_SPREAD_M:
-        reasons.append(
-            "the scan does not show where the element lies along its axis: as designed, "
-            f"to {along_m.max() * 2e3:.0f} mm (95 %)"
-        )
+        reasons.append(f"{PLACE_NOT_SHOWN}: as designed, to {along_m.max() * 2e3:.0f} mm (95 %)")
     status: Status = "uncertain" if reasons else "converged"
     if not converged:
         return "max_iterations", ("the fit did not come to rest within its iterations", *reasons)

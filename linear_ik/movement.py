@@ -18,6 +18,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2
 
+from linear_ik.assessment import BENDING_NOT_SHOWN, PLACE_NOT_SHOWN
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
@@ -40,6 +41,7 @@ class Movement:
         verdict: moved | not moved | inconclusive.
         reasons: plain sentences: why it is inconclusive, and what else the reader should know.
         statuses: of the two fits; "absent" where an epoch has none.
+        doubtful: whether a fit may be wrong in a way that its covariance does not carry.
         nodes_m: [M][3] before.
         displacement_m: [M][3] after less before.
         covariance_m2: [M][3][3] of the displacement, 1 sigma.
@@ -55,6 +57,7 @@ class Movement:
     verdict: Verdict
     reasons: tuple[str, ...]
     statuses: tuple[str, str]
+    doubtful: bool
     nodes_m: Array
     displacement_m: Array
     covariance_m2: Array
@@ -108,8 +111,9 @@ def movement(key: str, before: FitResult | None, after: FitResult | None) -> Mov
     """
     known = next(r for r in (before, after) if r is not None)
     statuses = tuple("absent" if r is None else str(r.status) for r in (before, after))
+    doubtful = any(_may_be_wrong(r) for r in (before, after))
     empty = Movement(
-        key, known.element.name, "inconclusive", (), (statuses[0], statuses[1]),
+        key, known.element.name, "inconclusive", (), (statuses[0], statuses[1]), doubtful,
         np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0), np.empty(0), np.empty(0),
         float("nan"), float("nan"),
     )  # fmt: skip
@@ -169,7 +173,7 @@ def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> M
     if not of.tested:
         return of
     reasons = list(of.reasons)
-    if any(status != "converged" for status in of.statuses):
+    if of.doubtful:
         verdict: Verdict = "inconclusive"
     elif p_adjusted <= level:
         verdict = "moved"
@@ -179,6 +183,14 @@ def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> M
     else:
         verdict = "not moved"
     return replace(of, verdict=verdict, reasons=tuple(reasons), p_adjusted=p_adjusted)
+
+
+def _may_be_wrong(result: FitResult | None) -> bool:
+    """Say whether a fit may be wrong in a way that its covariance does not carry."""
+    if result is None or result.status == "converged":
+        return result is None
+    carried = all(reason.startswith((PLACE_NOT_SHOWN, BENDING_NOT_SHOWN)) for reason in result.reasons)
+    return not (result.status == "uncertain" and result.reasons and carried)
 
 
 def _epochs(before: FitResult | None, after: FitResult | None) -> tuple[tuple[str, FitResult | None], ...]:

@@ -24,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for verb in (check, fit, align, compare, view, demo, urdf, simulate):
+for verb in (check, align, fit, compare, view, demo, urdf, simulate):
     verb.register(app)
 
 
