@@ -19,6 +19,7 @@ if TYPE_CHECKING:
     from linear_ik.compare import Comparison, compare
     from linear_ik.comparison_table import write_comparison
     from linear_ik.design_model import DesignModel, LeftOut, MapConversion, Member, Obstacle
+    from linear_ik.deviation import Deviations, deviations
     from linear_ik.element import Element, Placement, PlacementTolerance
     from linear_ik.element_file import element_from_mapping, element_to_mapping, load_element
     from linear_ik.errors import LinearIkError
@@ -46,6 +47,7 @@ if TYPE_CHECKING:
     from linear_ik.scan import Scan
     from linear_ik.settings import FitSettings
     from linear_ik.simulate import SimulatedScan, simulate
+    from linear_ik.tolerances import Conditions, load_tolerances, verdicts
     from linear_ik.urdf import generate_urdf, write_urdf
     from linear_ik.viewer import Viewer
     from linear_ik.virtual_scanner import scan_virtually
@@ -57,6 +59,7 @@ _MODULES = {
     "bending": ("Bend",),
     "bim": ("read_design",),
     "chain": ("Chain",),
+    "deviation": ("Deviations", "deviations"),
     "compare": ("Comparison", "compare"),
     "comparison_table": ("write_comparison",),
     "design_model": ("DesignModel", "LeftOut", "MapConversion", "Member", "Obstacle"),
@@ -87,6 +90,7 @@ _MODULES = {
     "scan": ("Scan",),
     "settings": ("FitSettings",),
     "simulate": ("SimulatedScan", "simulate"),
+    "tolerances": ("Conditions", "load_tolerances", "verdicts"),
     "urdf": ("generate_urdf", "write_urdf"),
     "viewer": ("Viewer",),
     "virtual_scanner": ("scan_virtually",),
@@ -99,6 +103,8 @@ __all__ = [
     "Chain",
     "Circle",
     "CircleHollow",
+    "Conditions",
+    "Deviations",
     "Comparison",
     "DesignModel",
     "Element",
@@ -127,6 +133,7 @@ __all__ = [
     "UShape",
     "Viewer",
     "__version__",
+    "deviations",
     "align",
     "compare",
     "element_from_mapping",
@@ -135,12 +142,14 @@ __all__ = [
     "fit_model",
     "generate_urdf",
     "load_element",
+    "load_tolerances",
     "read_design",
     "read_result",
     "read_scan",
     "result_to_mapping",
     "scan_virtually",
     "simulate",
+    "verdicts",
     "write_asbuilt_ifc",
     "write_comparison",
     "write_fitted_urdf",

@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -165,17 +167,44 @@ def spread(pose: Pose, node_covariance_m2: Array) -> tuple[Array, Array]:
     return np.sqrt(np.maximum(across, 0.0)), np.sqrt(np.maximum(along, 0.0))
 
 
+def unobservable(problem: Problem, pose: Pose, node_covariance_m2: Array) -> tuple[str, ...]:
+    """Return what the scan does not show, in words.
+
+    A direction is not shown where a node's standard deviation along it is above 10 mm.
+
+    Args:
+        problem: what was fitted.
+        pose: the fitted chain.
+        node_covariance_m2: [N+1][3][3] element's frame.
+    """
+    out = ["torsion: the section is round"] if problem.surface.radius_m is not None else []
+    R = np.concatenate([pose.rotations, pose.rotations[-1:]])
+    sd_m = np.sqrt(np.maximum(np.einsum("kia,kij,kja->ka", R, node_covariance_m2, R), 0.0))
+    hidden = sd_m > MOST_SPREAD_M
+    for axis, name in enumerate("xy"):
+        nodes = np.flatnonzero(hidden[:, axis])
+        if len(nodes):
+            out.append(f"bending along local {name}: node{'s' if len(nodes) > 1 else ''} {runs(nodes)}")
+    if hidden[:, 2].any():
+        out.append("the place along the axis")
+    return tuple(out)
+
+
 def listed(which: Mask) -> str:
     """Return "segments 2, 4 to 6" of a mask [N]."""
     return _segments([int(k) + 1 for k in np.flatnonzero(which)])
 
 
 def _segments(which: list[int]) -> str:
-    runs: list[list[int]] = []
+    return f"segment{'' if len(which) == 1 else 's'} {runs(which)}"
+
+
+def runs(which: Iterable[int]) -> str:
+    """Return "2, 4 to 6" of ascending numbers."""
+    found: list[list[int]] = []
     for k in which:
-        if runs and k == runs[-1][-1] + 1:
-            runs[-1].append(k)
+        if found and k == found[-1][-1] + 1:
+            found[-1].append(k)
         else:
-            runs.append([k])
-    words = ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in runs)
-    return f"segment{'' if len(which) == 1 else 's'} {words}"
+            found.append([k])
+    return ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in found)

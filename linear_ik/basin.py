@@ -9,7 +9,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.descent import Descended, Log, Stage, descend
+from linear_ik.descent import Descended, Log, descend
 from linear_ik.doubts import (
     quadrants,
 )
@@ -19,6 +19,7 @@ from linear_ik.repair import plate_shifts
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE
 from linear_ik.side_noise import MAD_TO_SD
+from linear_ik.stage import Stage
 from linear_ik.startup import Startup
 from linear_ik.uncertainty import noise_of, point_noise
 

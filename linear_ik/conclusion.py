@@ -8,13 +8,14 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
+from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread, unobservable
 from linear_ik.chain import BASE
 from linear_ik.descent import Log, known_terms
 from linear_ik.doubts import (
     doubts,
     plates_too_thin,
     segments_turned_away,
+    sides_off,
     stepped_aside,
 )
 from linear_ik.problem import Problem
@@ -22,7 +23,7 @@ from linear_ik.result import FitResult, SegmentResult, in_doubt
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
-from linear_ik.uncertainty import covariance, pressed_limits
+from linear_ik.uncertainty import birge_ratio, covariance, pressed_limits
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -34,8 +35,10 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     """Return the result of a settled fit, and the verdict on it."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
-    off_m = pose.node_jacobians() @ settled.still
-    node_covariance += off_m[:, :, None] * off_m[:, None, :]
+    ratio = birge_ratio(problem, settled.tally.patch_score, settled.tally.objective, settled.objective)
+    node_covariance *= ratio
+    still_m = pose.node_jacobians() @ settled.still
+    node_covariance += still_m[:, :, None] * still_m[:, None, :]
     pressed = pressed_limits(problem, settled.x, settled.objective, S)
     segments = assess_segments(problem, settled.tally, settled.foreign)
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
@@ -65,6 +68,13 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     if hidden.any():
         status = in_doubt(status)
         reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
+    off_m = sides_off(settled.tally.patch_score, settled.tally.patch_off_m, noise_m)
+    if off_m.any():
+        status = in_doubt(status)
+        reasons += (
+            f"{listed(off_m > 0)}: a side lies {1e3 * off_m.max():.1f} mm off the surface: "
+            "something touches it there, or its section is another",
+        )
     step = stepped_aside(pose)
     if step is not None:
         first, last, aside_m = step
@@ -92,7 +102,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     return in_scan_coordinates(
         problem,
         settled.x,
-        S + np.outer(settled.still, settled.still),
+        ratio * S + np.outer(settled.still, settled.still),
         node_covariance,
         settings,
         log,
@@ -103,6 +113,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         surface_rmse_m=settled.tally.surface_rmse_m,
         range_noise_m=noise_m,
         segments=segments,
+        unobservable=unobservable(problem, pose, node_covariance),
     )
 
 

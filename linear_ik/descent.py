@@ -8,7 +8,6 @@ from __future__ import annotations
 
 from collections.abc import Callable
 from dataclasses import dataclass, field
-from typing import Any, NamedTuple
 
 import numpy as np
 import numpy.typing as npt
@@ -20,7 +19,7 @@ from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.result import IterationRecord
 from linear_ik.settings import FitSettings, TermWeights
-from linear_ik.side_noise import sides
+from linear_ik.stage import PointTerm, Stage
 from linear_ik.terms.continuity import continuity
 from linear_ik.terms.damping import Damping, damping
 from linear_ik.terms.directional_constraint import directional_constraint
@@ -31,62 +30,6 @@ from linear_ik.terms.support import end_support
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
-
-
-class Paired(NamedTuple):
-    """Matches of one iteration.
-
-    Attributes:
-        pairs: what was matched to what.
-        weights: [P] weight of each match.
-        scale_m: distance that the weights were made with.
-    """
-
-    pairs: Any
-    weights: Array
-    scale_m: float
-
-
-Pairing = Callable[[Problem, Pose, "Stage", int], Paired]
-PointTerm = Callable[[Pose, Any, Array, Index], Objective]
-
-
-@dataclass(frozen=True, eq=False)
-class Stage:
-    """One run of the loop.
-
-    Attributes:
-        phase: name in the history.
-        points: [P][3] points to fit, element's frame.
-        scales_m: robust scale of each iteration, the last one repeated; inf for
-            unweighted.
-        noise_m: standard deviation of a point, which the priors are weighed against.
-        iterations: most iterations.
-        stop_m: converged when no node moves farther.
-        segments: fit only the first so many segments.
-        first: leave out the segments before this one (from 0).
-        variables: [n] the variables that move; all movable ones when None.
-        ignored: [N] segments whose matches have no weight, or None.
-        trust: [8] factor on the weights of each side that a match faces, or None for 1.
-        pair: finds and weighs the matches of an iteration.
-        term: what the matches ask of the step.
-        close_m: converged too when no match is farther apart.
-    """
-
-    phase: str
-    points: Array
-    scales_m: tuple[float, ...] = (np.inf,)
-    noise_m: float = 1e-3
-    iterations: int = 30
-    stop_m: float = 1e-5
-    segments: int | None = None
-    first: int = 0
-    variables: Index | None = None
-    ignored: npt.NDArray[np.bool_] | None = None
-    trust: Array | None = None
-    pair: Pairing = field(default_factory=lambda: on_surface)
-    term: PointTerm = point_residual
-    close_m: float = 0.0
 
 
 @dataclass(eq=False)
@@ -156,18 +99,6 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
     return Descended(x, pose, pairs, weights, converged)
 
 
-def on_surface(problem: Problem, pose: Pose, stage: Stage, i: int) -> Paired:
-    """Pair each scan point with the nearest face, weighed robustly by its distance."""
-    scale_m = stage.scales_m[min(i, len(stage.scales_m) - 1)]
-    pairs = problem.matcher.match(pose, stage.points, stage.segments, stage.first)
-    weights = robust_weights(pairs.distance_m, scale_m)
-    if stage.trust is not None:
-        weights *= stage.trust[sides(pairs.gradient)]
-    if stage.ignored is not None:
-        weights[stage.ignored[pairs.segment]] = 0.0
-    return Paired(pairs, weights, scale_m)
-
-
 def damped_step(
     objective: Objective, lam: Damping, lower: Array, upper: Array, solver: Solver
 ) -> tuple[Array, Damping]:
@@ -232,14 +163,6 @@ def shape_damping(bends: Array, information: float, weights: TermWeights) -> Obj
     if weights.directional:
         objective += directional_constraint(bends, weights.directional * information)
     return objective
-
-
-def robust_weights(distance_m: Array, scale_m: float) -> Array:
-    """Return Geman and McClure's weights ``(s^2 / (s^2 + d^2))^2``, 0 beyond 3 s; 1 for s = inf."""
-    if not np.isfinite(scale_m):
-        return np.ones(len(distance_m))
-    ratio = (distance_m / scale_m) ** 2
-    return np.where(ratio <= 9.0, 1.0 / (1.0 + ratio) ** 2, 0.0)
 
 
 def record(

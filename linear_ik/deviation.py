@@ -1,5 +1,8 @@
 """Deviation: how far the as-built member is from a straight one and from its design, with 95 % bands.
 
+Figures are those of the nodes. Between two nodes a smooth curve may reach a little farther: of an
+arc of N segments, N odd, its bow by one part in N^2; N even puts a node in the middle.
+
 Two ways to look at a member. *Relative to the chord*: the line between its working points, the
 first and the last node; what all nodes share, such as the error of the registration, cancels.
 *Against the design*: where it stands.
@@ -82,6 +85,7 @@ class Deviations:
         bow_m: largest offset from the chord, in any direction.
         sag_m: largest vertical offset from the chord, downwards positive; not for verticals.
         sweep_m: largest horizontal offset from the chord (without sign); not for verticals.
+        camber_m: vertical offset from the chord at half the length, upwards positive; not for verticals.
         out_of_plumb_m: for verticals, horizontal offset of the end from the start, less the design's.
         twist_rad: of the end's section against the start's, about the axis; not seen on round sections.
         end_displacement_m: of the last node from its designed place, along the axis included.
@@ -104,6 +108,7 @@ class Deviations:
     bow_m: Figure
     sag_m: Figure
     sweep_m: Figure
+    camber_m: Figure
     out_of_plumb_m: Figure
     twist_rad: Figure
     end_displacement_m: Figure
@@ -114,7 +119,7 @@ class Deviations:
     straight_bow_m: float | None
 
 
-def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviations:
+def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber_m: float = 0.0) -> Deviations:
     """Return the deviations of a fitted member.
 
     Bands are 1.96 standard deviations of the fit's covariance: they hold where the fit does, so
@@ -123,6 +128,8 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviat
     Args:
         result: of a fit that found the element.
         up: the vertical, in the scan's coordinates.
+        precamber_m: specified rise of the middle above the chord, where the design is drawn
+            without it: a parabola that is added to the designed shape. Verticals have none.
 
     Raises:
         LinearIkError: the element was not found; its ends coincide, so that there is no chord.
@@ -142,6 +149,10 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviat
     chord, designed_chord = (nodes[-1] - nodes[0]) / chord_m, (designed[-1] - designed[0]) / designed_chord_m
     designed_axes = _turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
     axes = designed_axes @ _turn(designed_chord, chord).T  # [2][3] X and Y across the chord
+    is_vertical = bool(abs(designed_chord @ vertical) > np.cos(VERTICAL_RAD))
+    if precamber_m and not is_vertical:
+        along = ((designed - designed[0]) @ designed_chord / designed_chord_m)[:, None]
+        designed = designed + 4.0 * precamber_m * along * (1.0 - along) * _upwards(vertical, designed_chord)
     s_m = element.segment_length_m * np.arange(n + 1, dtype=np.float64)
 
     share = (nodes - nodes[0]) @ chord / chord_m
@@ -149,13 +160,13 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviat
     relative[:, 0] -= 1.0 - share
     relative[:, -1] -= share
     offset = (nodes - nodes[0]) @ axes.T - (designed - designed[0]) @ designed_axes.T
+    offset[[0, -1]] = 0.0  # but for rounding
     step = np.diff(np.eye(n + 1), axis=0) / element.segment_length_m
     bend = np.diff(step, axis=0) / element.segment_length_m
     slope, curvature = step @ offset, bend @ offset
     sections = np.concatenate([element.design.rotations, element.design.rotations[-1:]])[:, :, :2].transpose(0, 2, 1)
     departure = np.einsum("kij,kj->ki", sections, nodes - designed)
 
-    is_vertical = bool(abs(designed_chord @ vertical) > np.cos(VERTICAL_RAD))
     ends = np.zeros((1, n + 1))
     ends[0, 0], ends[0, -1] = -1.0, 1.0
     last = np.zeros((1, n + 1))
@@ -165,7 +176,7 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviat
     no_plumb = Figure(None, None, None, "not near vertical by design")
     slopes = step @ relative
     twist = twist_rad(result.q) - twist_rad(element.design.angles_rad[:, ::-1].ravel())
-    sag, sweep = _sag_and_sweep(bands, relative, offset @ axes, chord, vertical, is_vertical)
+    sag, sweep, camber = _vertical_and_sideways(bands, relative, offset @ axes, chord, vertical, is_vertical)
     return Deviations(
         length_m=element.length_m,
         chord_m=chord_m,
@@ -180,6 +191,7 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviat
         bow_m=_largest(bands, relative, offset @ axes, axes, LARGEST),
         sag_m=sag,
         sweep_m=sweep,
+        camber_m=camber,
         out_of_plumb_m=_length(bands, ends, lean, _across(vertical)) if is_vertical else no_plumb,
         twist_rad=_twist(result, twist),
         end_displacement_m=_length(bands, last, nodes[-1] - designed[-1], np.eye(3), node=n),
@@ -198,19 +210,25 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP) -> Deviat
     )
 
 
-def _sag_and_sweep(
+def _vertical_and_sideways(
     bands: Bands, relative: Array, offset: Array, chord: Array, vertical: Array, is_vertical: bool
-) -> tuple[Figure, Figure]:
-    """Return both figures of the offsets [N+1][3] from the chord."""
+) -> tuple[Figure, Figure, Figure]:
+    """Return sag, sweep and camber of the offsets [N+1][3] from the chord."""
     if is_vertical:
         none = Figure(None, None, None, "near vertical by design: see bow and plumb")
-        return none, none
-    up = vertical - (vertical @ chord) * chord
-    up /= np.linalg.norm(up)
+        return none, none, none
+    up = _upwards(vertical, chord)
     sag = _largest(bands, relative, (offset @ up)[:, None] * up, up[None], LARGEST)
     side = np.cross(chord, up)
     sweep = _largest(bands, relative, (offset @ side)[:, None] * side, side[None], LARGEST)
-    return sag if sag.node is None else replace(sag, value=-float(offset[sag.node] @ up)), sweep
+    sag = sag if sag.node is None else replace(sag, value=-float(offset[sag.node] @ up))
+    if sag.value is None:
+        return sag, sweep, sag
+    half = np.zeros((1, len(offset)))
+    half[0, [(len(offset) - 1) // 2, len(offset) // 2]] += 0.5  # the middle node, or between the two
+    half[0, len(offset) // 2] += 0.5 if len(offset) % 2 else 0.0
+    band = float(bands.of_rows(half @ relative, up[None])[0])
+    return sag, sweep, Figure(float((half @ offset @ up)[0]), band, None, "at half the length")
 
 
 def _twist(result: FitResult, twist: float) -> Figure:
@@ -254,6 +272,12 @@ def _turn(start: Array, end: Array) -> Array:
         return np.asarray(2.0 * np.outer(side, side) - np.eye(3))
     K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
     return np.asarray(np.eye(3) + K + K @ K / (1.0 + cosine))
+
+
+def _upwards(vertical: Array, chord: Array) -> Array:
+    """Return the unit vector across the chord that is the nearest to the vertical."""
+    up = vertical - (vertical @ chord) * chord
+    return np.asarray(up / np.linalg.norm(up))
 
 
 def _across(direction: Array) -> Array:

@@ -19,6 +19,7 @@ LEAST_SHARE = 0.3  # of the points of the side opposite
 ON_SURFACE = 4.0  # deviations
 LEAST_STEP_RAD, STEP_REACH = np.radians(10.0), 5  # joints
 THIN, THIN_SHARE = 4.0, 1 / 3  # deviations; share of the points
+SIDE_OFF_SCORE, SIDE_OFF, LEAST_SIDE_OFF_M = 4.0, 1.5, 0.002
 MOST_TURNED_AWAY, LEAST_TURNED_AWAY = 0.2, 20  # of a segment's points
 
 
@@ -104,6 +105,18 @@ def segments_turned_away(surface: Surface, pairs: Correspondences, matched: Mask
     n = len(pairs.starts) - 1
     count, on = (np.bincount(pairs.segment[rows], minlength=n) for rows in (away, matched))
     return np.asarray((count >= LEAST_TURNED_AWAY) & (count > MOST_TURNED_AWAY * (count + on)))
+
+
+def sides_off(scores: Array, off_m: Array, noise_m: float) -> Array:
+    """Return how far [N] the worst side of each segment lies off the surface, where noise does not explain it, else 0.
+
+    Args:
+        scores: [N][sides][halves] standard normal, were the points independent; NaN where too few.
+        off_m: the same patches' mean distance to the surface.
+        noise_m: standard deviation of a point.
+    """
+    off_m = np.where(np.abs(scores) > SIDE_OFF_SCORE, np.abs(off_m), 0.0).max(axis=(1, 2))
+    return np.where(off_m > max(SIDE_OFF * noise_m, LEAST_SIDE_OFF_M), off_m, 0.0)
 
 
 def stepped_aside(pose: Pose) -> tuple[int, int, float] | None:

@@ -55,5 +55,9 @@ class StepError(LinearIkError):
     """A quadratic program of one IK step that no solver could solve."""
 
 
+class ToleranceError(LinearIkError):
+    """A file of tolerances that cannot be used as it stands."""
+
+
 class OutputError(LinearIkError):
     """A file that cannot be written where it was asked for."""

@@ -12,10 +12,11 @@ import numpy.typing as npt
 
 from linear_ik.chain import Pose
 from linear_ik.cloud_pairs import CloudMatcher, CloudPairs, ModelCloud
-from linear_ik.descent import Descended, Log, Paired, Stage, descend
+from linear_ik.descent import Descended, Log, descend
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.settings import FitSettings
+from linear_ik.stage import Paired, Stage
 from linear_ik.terms.point_to_point import point_to_point
 
 Array = npt.NDArray[np.float64]

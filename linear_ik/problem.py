@@ -114,6 +114,11 @@ class Problem:
         )
 
     @property
+    def wall_m(self) -> float:
+        """Thickness of a hollow section's wall; inf where there is nothing inside to be seen."""
+        return float(getattr(self.element.profile, "wall_thickness", np.inf))
+
+    @property
     def designed(self) -> Array:
         """[6 + 3N] the design, put into the joint limits."""
         return self.chain.clip(self.chain.with_q(self.element.design.angles_rad[:, ::-1].ravel()))

@@ -23,6 +23,8 @@ LEAST_GAIN = 10.0  # points explained
 LEAST_SHIFT_M = 0.002
 SMALL_SHIFT_M = 0.05
 MOST_REPAIRS = 8
+STICKS_OUT_M, STICKS_OUT = 0.005, 3.0  # and times as far as half of the nodes
+MOST_STRAIGHTENED = 6
 
 
 def repair(
@@ -60,7 +62,37 @@ def repair(
             refused.clear()
         else:
             refused.add(run)
+    for nodes in straighter(problem.chain.pose(x)):
+        moved = finish(through(problem.chain, x, nodes))
+        if (value := score(moved)) > best:
+            x, best = moved, value
     return x
+
+
+def straighter(pose: Pose) -> list[Array]:
+    """Return the nodes [N+1][3] with one or two put back between their neighbours, for those that stick out most.
+
+    Where few points tell, a joint may have followed something else, and the next one come
+    back. In an arc no node sticks out more than the others.
+    """
+    nodes, n, found = pose.nodes_m, pose.n_segments, []
+    for i in range(1, n + 1):
+        for j in range(max(i, 2), min(i + 1, n) + 1):
+            share = np.arange(1, j - i + 2)[:, None]
+            if j < n:
+                between = nodes[i - 1] + share / (j - i + 2) * (nodes[j + 1] - nodes[i - 1])
+            elif i > 1:
+                between = nodes[i - 1] + share * (nodes[i - 1] - nodes[i - 2])
+            else:
+                continue
+            put_back = nodes.copy()
+            put_back[i : j + 1] = between
+            found.append((float(np.abs(put_back - nodes).max()), put_back))
+    if not found:
+        return []
+    least = max(STICKS_OUT_M, STICKS_OUT * float(np.median([out for out, _ in found])))
+    found.sort(key=lambda one: -one[0])
+    return [put_back for out, put_back in found[:MOST_STRAIGHTENED] if out > least]
 
 
 def plate_shifts(surface: Surface) -> Array:
@@ -135,6 +167,13 @@ def shifted(chain: Chain, x: Array, pose: Pose, first: int, last: int, shift: Ar
     if first == 0:
         out[:3] = np.clip(x[:3] + offset, chain.lower[:3], chain.upper[:3])
         nodes[0] = pose.nodes_m[0] + out[:3] - x[:3]
+    return through(chain, out, nodes)
+
+
+def through(chain: Chain, x: Array, nodes: Array) -> Array:
+    """Return the variables with every segment turned towards its next node of ``nodes`` [N+1][3]; the base stays."""
+    out = x.copy()
+    pose = chain.pose(x)
     R = pose.rotations[0] @ _local_rotation(x[BASE : BASE + 3]).T
     for k in range(pose.n_segments):
         row = BASE + 3 * k

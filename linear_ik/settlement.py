@@ -18,11 +18,9 @@ from linear_ik.correspondence import Correspondences
 from linear_ik.descent import (
     Descended,
     Log,
-    Stage,
     damped_step,
     descend,
     known_terms,
-    on_surface,
     record,
     step_objective,
 )
@@ -33,6 +31,7 @@ from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
 from linear_ik.side_noise import MAD_TO_SD, trust_of
+from linear_ik.stage import Stage, depth_of, on_surface
 from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
@@ -225,7 +224,17 @@ def _descend(
 ) -> Descended:
     ignored = foreign if foreign.any() else None
     scale_m = ROBUST_SCALE * noise_m
-    stage = Stage("sample", some, (scale_m,), noise_m, MOST_ITERATIONS, max(2e-5, stop_m), ignored=ignored, trust=trust)
+    stage = Stage(
+        "sample",
+        some,
+        (scale_m,),
+        noise_m,
+        MOST_ITERATIONS,
+        max(2e-5, stop_m),
+        ignored=ignored,
+        depth_m=depth_of(problem, noise_m),
+        trust=trust,
+    )
     return descend(problem, x, stage, settings, solver, log)
 
 

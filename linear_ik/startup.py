@@ -17,12 +17,13 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import BASE
-from linear_ik.descent import Log, Stage, descend
+from linear_ik.descent import Log, descend
 from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.repair import repair
 from linear_ik.settings import FitSettings
+from linear_ik.stage import Stage
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]

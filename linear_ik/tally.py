@@ -13,8 +13,10 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import Pose
-from linear_ik.descent import Stage, on_surface
+from linear_ik.correspondence import Correspondences
 from linear_ik.problem import POINTS_A_PIECE, Problem
+from linear_ik.side_noise import SIDES, sides
+from linear_ik.stage import Stage, depth_of, on_surface
 from linear_ik.terms.objective import Objective
 from linear_ik.terms.point_residual import point_residual
 
@@ -25,6 +27,8 @@ Mask = npt.NDArray[np.bool_]
 COVERAGE_RADIUS = 0.02  # of the element's length (the design contract)
 MATCHED = 4.0  # deviations of the noise
 BESIDE = 16.0  # deviations; four times as far as a match
+HALVES = 2  # of a segment, each with its patches
+LEAST_POINTS = 8  # of a patch
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,10 @@ class Tally:
         cost_m2: weighted sum of squared residuals.
         weight: sum of the weights.
         touched: [N][around][along] cells of each segment's surface that hold a matched point.
+        patch_score: [N][sides][halves] sum of the weighted residuals of the matched points of
+            one side of half a segment, over the root of the sum of their squares: standard
+            normal where points err independently of each other. NaN for a patch of few points.
+        patch_off_m: [N][sides][halves] their weighted mean.
     """
 
     objective: Objective
@@ -50,6 +58,8 @@ class Tally:
     cost_m2: float
     weight: float
     touched: Mask
+    patch_score: Array
+    patch_off_m: Array
 
     @property
     def weighted_rms_m(self) -> float:
@@ -80,21 +90,37 @@ def tally(
     matched, beside, squares = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n)
     weighted, cost, weight = 0, 0.0, 0.0
     touched = np.zeros((n, *cells(problem)), dtype=bool)
+    patches, depth_m = np.zeros((4, n * HALVES * SIDES)), depth_of(problem, noise_m)
     for start in range(0, len(problem.points), POINTS_A_PIECE):
-        piece = Stage("full", problem.points[start : start + POINTS_A_PIECE], (scale_m,), ignored=ignored, trust=trust)
+        some = problem.points[start : start + POINTS_A_PIECE]
+        piece = Stage("full", some, (scale_m,), noise_m, ignored=ignored, depth_m=depth_m, trust=trust)
         pairs, weights, _ = on_surface(problem, pose, piece, 0)
         objective += point_residual(pose, pairs, weights, columns)
         segment = pairs.segment
         on = (weights > 0) & (pairs.distance_m <= MATCHED * noise_m)
-        near = pairs.distance_m <= BESIDE * noise_m
+        near = (pairs.distance_m <= BESIDE * noise_m) & (pairs.residual_m > -depth_m)
         matched += np.bincount(segment[on], minlength=n)
-        beside += np.bincount(segment[near & ~on], minlength=n)
+        beside += np.bincount(segment[near & (pairs.distance_m > MATCHED * noise_m)], minlength=n)
         squares += np.bincount(segment[on], pairs.residual_m[on] ** 2, minlength=n)
         _touch(touched, problem, segment[on], pairs.section[on], pairs.local[on, 2], pairs.face[on])
+        patches += _patch_sums(problem, pairs, np.flatnonzero(on), weights)
         weighted += int(np.count_nonzero(weights))
         cost += float(weights @ pairs.residual_m**2)
         weight += float(weights.sum())
-    return Tally(objective, matched, beside, squares, weighted, cost, weight, touched)
+    patches[:, patches[3] < LEAST_POINTS] = np.nan
+    pull_m, squares_m2, weights, _ = patches.reshape(4, n, SIDES, HALVES)
+    with np.errstate(invalid="ignore", divide="ignore"):
+        score, off_m = pull_m / np.sqrt(squares_m2), pull_m / weights
+    return Tally(objective, matched, beside, squares, weighted, cost, weight, touched, score, off_m)
+
+
+def _patch_sums(problem: Problem, pairs: Correspondences, rows: Index, weights: Array) -> Array:
+    """Return sums of the weighted residuals, of their squares, of the weights, and the count [4][patches]."""
+    half = pairs.local[rows, 2] > 0.5 * problem.element.segment_length_m
+    patch = (pairs.segment[rows] * SIDES + sides(pairs.gradient[rows])) * HALVES + half
+    w, most = weights[rows], problem.element.segments * SIDES * HALVES
+    each = w * pairs.residual_m[rows]
+    return np.stack([np.bincount(patch, what, minlength=most) for what in (each, each**2, w, np.ones(len(rows)))])
 
 
 def cells(problem: Problem) -> tuple[int, int]:

@@ -14,6 +14,7 @@ from linear_ik.terms.objective import Objective
 Array = npt.NDArray[np.float64]
 
 SMALLEST_NOISE_M, LARGEST_NOISE_M = 2e-5, 0.010
+LEAST_FREEDOM = 0.3  # of the patches
 
 
 def noise_of(pairs: Correspondences, weights: Array | None = None) -> float:
@@ -76,6 +77,28 @@ def covariance(problem: Problem, pose: Pose, objective: Objective, noise_m: floa
     S[rows] = noise_m**2 * np.linalg.inv(H * scale * scale[:, None]) * scale * scale[:, None]
     A = pose.node_jacobians()
     return S, np.einsum("kai,ij,kbj->kab", A, S, A, optimize=True)
+
+
+def birge_ratio(problem: Problem, scores: Array, points: Objective, whole: Objective) -> float:
+    """Return by how much more the patches of a surface are off than independent errors of the points explain.
+
+    Scanners err by the patch: points share what registration, slanted faces, mixed
+    pixels and a section that is not quite as designed do to them, so that covariances
+    of independent points are too small. ``max(1, chi^2 / (patches - fitted variables))``
+    is the factor on them that makes the patches' scatter its own (Birge, 1932).
+
+    Args:
+        problem: for the variables that may move.
+        scores: [patches] standard normal, were the points independent; NaN where too few.
+        points: what the points ask of the step, over all variables.
+        whole: the same with all terms.
+    """
+    rows, scores = np.ix_(problem.variables, problem.variables), scores[np.isfinite(scores)]
+    # A variable that the prior holds is not fitted to the patches.
+    fitted = float(np.trace(np.linalg.solve(whole.H[rows], points.H[rows])))
+    freedom = max(len(scores) - fitted, LEAST_FREEDOM * len(scores), 1.0)
+    # Chance alone takes chi^2 a deviation, sqrt(2 freedom), above its mean now and then.
+    return max(1.0, float(scores @ scores) / (freedom + float(np.sqrt(2.0 * freedom))))
 
 
 def pressed_limits(problem: Problem, x: Array, objective: Objective, S: Array) -> npt.NDArray[np.bool_]:

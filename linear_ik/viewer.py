@@ -19,6 +19,7 @@ from linear_ik.element import Element
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
 from linear_ik.viewer_page import Scene
+from linear_ik.viewer_result import FPS, colour_segments, play_back, show_ellipsoids
 from linear_ik.viewer_shapes import (
     axis_distances_m,
     design_body,
@@ -36,8 +37,7 @@ MOST_POINTS = 200_000
 # Points of a whole site would drown the member: this share is kept for what is near it.
 NEAR_SHARE = 0.75
 NEAR_M = 1.0
-ANIMATION_FRAMES = 60
-ANIMATION_FPS = 12
+FITTED_OPACITY = 0.5
 DESIGNED, FITTED, SCANNED = 0xFFFFFF, 0x35B24A, (0.75, 0.78, 0.82)
 # Distance to the fitted surface, as a share of the largest shown: blue, yellow, red; grey beyond ten times that.
 COLOUR_STOPS = (0.0, 0.5, 1.0)
@@ -124,7 +124,7 @@ class Viewer:
             self._look_at(nodes[0], nodes[-1], np.asarray(base_pose)[:3, :2].sum(axis=1))
         if self._fitted is not element:
             self._vis["fitted"].delete()
-            green = material(FITTED, opacity=0.5)
+            green = material(FITTED, FITTED_OPACITY)
             for k, body in enumerate(segment_bodies(element)):
                 self._vis[f"fitted/{k + 1}"].set_object(body, green)
             self._fitted = element
@@ -142,7 +142,12 @@ class Viewer:
             self.show_scan(scan, self._distances(result, scan) if found else None, largest_m)
         if found:
             self.show_fit(result.element, result.q, result.base_pose)
-            self._animate(result)
+            lines = colour_segments(self._vis, result, segment_bodies(result.element), FITTED_OPACITY)
+            ellipsoids = show_ellipsoids(self._vis, result, self._local)
+            for colour, text in [*lines, *([ellipsoids] if ellipsoids else [])]:
+                self._caption(colour, text)
+            labels = play_back(self._vis, result, self._poses)
+            self.scene.tell("steps", labels=labels, fps=FPS)
         self._caption(None, "status: " + result.status + "".join(f"\n{reason}" for reason in result.reasons))
 
     def on_iteration(self, record: IterationRecord) -> None:
@@ -221,22 +226,6 @@ class Viewer:
         local = np.ascontiguousarray(self._local(scan.points), dtype=np.float32)
         return np.asarray(scene.compute_distance(o3d.core.Tensor(local)).numpy(), dtype=np.float64)
 
-    def _animate(self, result: FitResult) -> None:
-        """Let the page play the fit, from the first state to the last."""
-        from meshcat.animation import Animation
-
-        if not result.history:
-            return
-        chosen = np.unique(np.linspace(0, len(result.history) - 1, ANIMATION_FRAMES).astype(int))
-        states = [(result.history[i].q, result.history[i].base_pose) for i in chosen]
-        states.append((result.q, result.base_pose))
-        animation = Animation(default_framerate=ANIMATION_FPS)
-        for i, (q, base_pose) in enumerate(states):
-            for k, T in enumerate(self._poses(q, base_pose)):
-                with animation.at_frame(self._vis, i) as frame:
-                    frame[f"fitted/{k + 1}"].set_transform(T)
-        self._vis.set_animation(animation)
-
     def _look_at(self, start: Array, end: Array, side: Array) -> None:
         """Turn the camera to what lies between two points, from one side and a little above.
 
@@ -275,3 +264,4 @@ class Viewer:
         kind = text.split(":")[0]
         others = [line for line in self.scene.captions if line[1].split(":")[0] != kind]
         self.scene.captions = [*others, (colour, text)]
+        self.scene.tell("captions", lines=self.scene.captions)

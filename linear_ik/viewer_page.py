@@ -16,6 +16,7 @@ from typing import TYPE_CHECKING, Any
 if TYPE_CHECKING:
     from tornado.websocket import WebSocketHandler
 
+PLAYER = Path(__file__).parent / "data" / "viewer" / "player.js"
 LOOPBACK = "127.0.0.1"
 FIRST_PORT = 7000
 PORTS_TRIED = 20
@@ -29,12 +30,23 @@ body {{ margin: 0; }}
 #meshcat-pane {{ width: 100vw; height: 100vh; overflow: hidden; }}
 #caption {{ position: absolute; left: 12px; top: 12px; padding: 8px 12px; border-radius: 6px; pointer-events: none;
   background: rgba(20, 24, 30, 0.72); color: #eee; font: 13px/1.5 system-ui, sans-serif; white-space: pre-line; }}
+#player {{ position: absolute; left: 12px; right: 12px; bottom: 12px; display: flex; gap: 12px; align-items: center;
+  padding: 8px 12px; border-radius: 6px; background: rgba(20, 24, 30, 0.72); color: #eee;
+  font: 13px/1.5 system-ui, sans-serif; }}
+#player[hidden] {{ display: none; }}
+#player input {{ flex: 1; min-width: 60px; }}
+#player button {{ font: inherit; width: 62px; }}
+#player output {{ min-width: 22em; }}
+@media (max-width: 600px) {{ #player {{ flex-wrap: wrap; }} #player output {{ min-width: 100%; }} }}
 #caption i {{ display: inline-block; width: 10px; height: 10px; border-radius: 5px; margin-right: 7px; }}
 </style></head>
 <body><div id="meshcat-pane"></div><div id="caption">{caption}</div>
+<div id="player" hidden><button type="button">Play</button>
+<input type="range" min="0" max="0" step="1" aria-label="iteration"><output></output></div>
 <script>{javascript}</script>
 <script>
 var viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
+{player}
 {body}
 </script></body></html>
 """
@@ -71,6 +83,18 @@ class Scene:
                     del self._commands[key]
             else:
                 self._commands[path, kind, str(lowered.get("property", ""))] = data
+        if self._server is not None:
+            self._server.broadcast(data)
+
+    def tell(self, kind: str, **content: Any) -> None:
+        """Send a command of the page's own (see player.js); the newest of its kind replaces the older."""
+        from meshcat.visualizer import umsgpack
+
+        data: bytes = umsgpack.packb({"type": kind, "path": "", **content})
+        with self._lock:
+            # Last, since it speaks of what the others show.
+            self._commands.pop(("", kind, ""), None)
+            self._commands["", kind, ""] = data
         if self._server is not None:
             self._server.broadcast(data)
 
@@ -124,7 +148,13 @@ class Scene:
             (f'<i style="background: {colour}"></i>' if colour else "") + html.escape(text)
             for colour, text in self.captions
         )
-        return _PAGE.format(title=html.escape(self.title), caption=caption, javascript=javascript, body=body)
+        return _PAGE.format(
+            title=html.escape(self.title),
+            caption=caption,
+            javascript=javascript,
+            player=PLAYER.read_text(encoding="utf-8"),
+            body=body,
+        )
 
 
 class _Server:

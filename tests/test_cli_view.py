@@ -106,9 +106,9 @@ def test_demo_finds_its_truth_and_names_its_files(here, capfd):
     assert not out
     output = here / "linear_ik_demo"
     names = {path.name for path in output.iterdir()}
-    for name in ("element.yaml", "scan.ply", "result.json", "result.urdf", "result.glb", "view.html"):
+    for name in ("element.yaml", "scan.ply", "result.json", "result.urdf", "result.glb", "view.html", "report.html"):
         assert name in names, name
-    for name in ("view.html", "result.json", "result.glb", "result.urdf", "element.yaml"):
+    for name in ("view.html", "report.html", "result.json", "result.glb", "result.urdf", "element.yaml"):
         assert f"linear_ik_demo/{name}" in err
     result, truth = read_result(output / "result.json"), json.loads((output / "truth.json").read_text())
     worst = 1000 * np.linalg.norm(result.nodes_m - truth["nodes_m"], axis=1).max()
@@ -130,3 +130,27 @@ def test_demo_checks_its_folder_first(here, capfd, monkeypatch):
     (here / "folder" / "scan.ply").mkdir(parents=True)
     assert main(["demo", "-o", "folder"]) == 2
     assert "scan.ply: is a folder" in capfd.readouterr().err
+
+
+def test_fit_records_its_iterations_in_one_page(folder, tmp_path, capfd):
+    command = ["fit", f"{folder}/beam.yaml", f"{folder}/scan.ply", "-o", f"{tmp_path}/r.json"]
+    assert main([*command, "--record", f"{tmp_path}/new/page.html"]) == 0
+    out, err = capfd.readouterr()
+    assert not out and "page.html" in err
+    page = (tmp_path / "new/page.html").read_text()
+    assert "status: converged" in page and 'id="player"' in page and page.count("handle_command_bytearray(") > 10
+    assert main([*command, "--record", f"{tmp_path}/r.json"]) == 2
+    assert main([*command, "--record", f"{folder}/scan.ply"]) == 2
+    assert capfd.readouterr().err.count("error: ") == 2
+
+
+def test_nothing_of_the_viewer_is_imported_unless_asked_for(folder, tmp_path):
+    code = (
+        "import sys; from linear_ik.cli import main; code = main(sys.argv[1:]);"
+        "print([m for m in sys.modules if m.split('.')[0] == 'meshcat' or 'viewer' in m or 'report' in m.split('.')])"
+    )
+    command = [sys.executable, "-c", code, "fit", folder / "beam.yaml", folder / "scan.ply", "-q", "-o", tmp_path / "r"]
+    done = subprocess.run([str(part) for part in command], capture_output=True, text=True, timeout=120, check=True)
+    loaded = done.stdout.splitlines()[-1]
+    # app.py names the verbs; what they need is imported when they run.
+    assert [m for m in eval(loaded) if not m.startswith("linear_ik.cli.") and not m.startswith("open3d.")] == []

@@ -6,6 +6,7 @@ from dataclasses import replace
 
 import numpy as np
 import pytest
+from posed import BEAM, COLUMN, UTM, H, bent, posed
 
 import linear_ik
 from linear_ik.chain import Chain
@@ -14,52 +15,10 @@ from linear_ik.deviation_bands import BAND_95, Bands, twist_rad
 from linear_ik.element import Element, Placement
 from linear_ik.errors import LinearIkError
 from linear_ik.exports.result_json import read_result, write_result
-from linear_ik.profile import Circle, IShape, Rectangle
-from linear_ik.result import FitResult, SegmentResult
+from linear_ik.profile import Circle, IShape
+from linear_ik.result import FitResult
 from linear_ik.settings import FitSettings
 from linear_ik.simulate import simulate
-
-H = Rectangle(0.1, 0.2)
-UTM = (512345.678, 5403210.123, 412.5)
-BEAM = Placement(UTM, axis=(1.0, 0.0, 0.0), ref_direction=(0.0, 1.0, 0.0))  # local X = north, Y = up
-COLUMN = Placement(UTM, axis=(0.0, 0.0, 1.0), ref_direction=(1.0, 0.0, 0.0))
-
-
-def posed(element: Element, angles_rad: np.ndarray, sd_rad: float = 1e-4, status: str = "converged") -> FitResult:
-    """A result whose chain has these angles [N][3], each with the same deviation."""
-    n, T = element.segments, element.placement.T_world_element
-    q = angles_rad[:, ::-1].ravel()
-    chain = Chain.of(element)
-    pose = chain.pose(chain.with_q(q))
-    S = np.zeros((6 + 3 * n, 6 + 3 * n))
-    S[6:, 6:] = sd_rad**2 * np.eye(3 * n)
-    A, R = pose.node_jacobians(), T[:3, :3]
-    return FitResult(
-        element=element,
-        status=status,  # type: ignore[arg-type]
-        reasons=(),
-        nodes_m=pose.nodes_m @ R.T + T[:3, 3],
-        nodes_covariance_m2=R @ np.einsum("kai,ij,kbj->kab", A, S, A) @ R.T,
-        q=q,
-        joint_angles_rad=angles_rad,
-        joint_limits_rad=element.joint_limits_rad,
-        base_pose=T,
-        rmse_m=0.005,
-        surface_rmse_m=0.001,
-        range_noise_m=0.001,
-        segments=(SegmentResult("measured", 100, 1.0, 0.001),) * n,
-        history=(),
-        settings=FitSettings(),
-        configuration_covariance=S,
-    )
-
-
-def bent(element: Element, axis: int, curvature_1_m: float) -> np.ndarray:
-    """Angles [N][3] of a chain that starts along its design and turns equally at each joint after."""
-    angles = np.zeros((element.segments, 3))
-    angles[1:, axis] = curvature_1_m * element.segment_length_m
-    return angles
-
 
 # shapes worked by hand ------------------------------------------------------------------------
 
@@ -78,6 +37,7 @@ def test_a_sagging_beam() -> None:
     assert d.end_displacement_m.value == pytest.approx(0.1225, rel=0.01)  # joints 2 to 50: L^2/2R less a segment
     assert d.length_change_m.value == pytest.approx(-(5**3) * 0.01**2 / 24, rel=0.01)
     assert d.twist_rad.value == pytest.approx(0.0, abs=1e-12)
+    assert d.camber_m.value == pytest.approx(25 / 8 * 0.01, rel=0.002)
     assert d.out_of_plumb_m.value is None and "not near vertical" in d.out_of_plumb_m.note
     # Against the design the same beam hangs down.
     assert d.departure_m.xy[-1, 1] == pytest.approx(-0.1225, rel=0.01)
@@ -95,6 +55,26 @@ def test_sag_is_downwards_and_sweep_sideways() -> None:
     assert d.sweep_m.value == pytest.approx(0.010, rel=1e-3) and d.sweep_m.node == 2
     assert d.bow_m.value == pytest.approx(np.hypot(0.02, 0.01), rel=1e-3)
     assert d.offset_m.xy[2] == pytest.approx([0.010, -0.020], rel=1e-3)
+
+
+def test_a_precamber_is_part_of_the_design() -> None:
+    """An arc with a rise of 31 mm, specified with 30: 1 mm too much at the middle, no bow to speak of."""
+    beam = Element("beam", H, 5.0, 51, BEAM)
+    result = posed(beam, bent(beam, 0, 0.01))
+    d = deviations(result, precamber_m=0.030)
+    assert d.camber_m.value == pytest.approx(25 / 8 * 0.01 - 0.030, rel=0.03)
+    assert d.bow_m.value == pytest.approx(abs(d.camber_m.value), rel=0.05)
+    assert d.bow_m.band == pytest.approx(deviations(result).bow_m.band, rel=0.02)
+    column = posed(Element("c", H, 3.0, 6, COLUMN), np.zeros((6, 3)))
+    assert deviations(column, precamber_m=0.030).bow_m.value == pytest.approx(0.0, abs=1e-9)
+
+
+def test_camber_between_two_middle_nodes() -> None:
+    beam = Element("beam", H, 3.0, 3, BEAM)
+    angles = np.zeros((3, 3))
+    angles[0, 0], angles[1, 0], angles[2, 0] = 0.01, -0.01, -0.01
+    d = deviations(posed(beam, angles))
+    assert d.camber_m.value == pytest.approx(np.mean(d.offset_m.xy[1:3, 1]), rel=1e-3)
 
 
 def test_a_leaning_column() -> None:
@@ -245,7 +225,7 @@ def test_the_configurations_covariance_is_the_nodes(tmp_path) -> None:
     assert deviations(again).bow_m == deviations(result).bow_m
 
 
-SEEDS = 60
+SEEDS = 80
 
 
 def fits(element: Element, angles_rad: np.ndarray, missing: tuple[str, ...] = ()) -> tuple[list, FitResult]:
@@ -259,7 +239,7 @@ def fits(element: Element, angles_rad: np.ndarray, missing: tuple[str, ...] = ()
 
 @pytest.mark.parametrize("placement", [BEAM, COLUMN], ids=["beam, half seen", "column"])
 def test_coverage_of_the_bands(placement: Placement) -> None:
-    """Of 60 scans the bands hold the truth in about 95 %."""
+    """Of 80 scans the bands hold the truth in about 95 %."""
     element = Element("e", H, 3.0, 8, placement)
     angles = bent(element, 0, -0.01) + bent(element, 1, 0.006)
     angles[0] = (0.012, -0.004, 0.003)
@@ -280,7 +260,7 @@ def test_coverage_of_the_bands(placement: Placement) -> None:
             [np.abs(getattr(d, curve).xy - getattr(truth, curve).xy) <= getattr(d, curve).band for d in found]
         )
         first = {"offset_m": slice(1, -1), "departure_m": slice(1, None), "slope_rad": slice(None)}[curve]
-        assert 0.90 <= inside[:, first].mean() <= 0.99, curve
+        assert 0.90 <= inside[:, first].mean() <= 0.995, curve
 
 
 def test_what_a_straight_member_shows() -> None:

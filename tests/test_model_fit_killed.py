@@ -152,6 +152,17 @@ def test_a_task_that_kills_its_worker_twice_has_failed_and_no_other(tmp_path):
     assert [outcomes[g].result.status for g in (GUIDS[0], GUIDS[2], GUIDS[3])] == ["not_scanned"] * 3
 
 
+def test_a_script_without_a_main_guard_is_told_so(built, tmp_path):
+    script = tmp_path / "run.py"
+    text = RUN.format(tests=str(TESTS), scan=str(built.scan), folder=str(tmp_path / "out"), workers=1)
+    script.write_text(text.replace('if __name__ == "__main__":', "if True:"))
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert (
+        'PoolError: workers: no process of them stays alive (a script needs `if __name__ == "__main__":`' in done.stderr
+    )
+
+
 def test_this_process_does_tasks_too():
     bad = replace(task(GUIDS[0]), points=np.zeros((3, 2)))
     good = task(GUIDS[1])

@@ -1,16 +1,18 @@
 import asyncio
 import math
-import shutil
 import socket
 import subprocess
 import sys
+import time
 import urllib.error
 import urllib.request
+from dataclasses import replace
 from urllib.parse import urlsplit
 
 import numpy as np
 import pytest
 import umsgpack
+from browser import CHROMIUM, browser
 from PIL import Image
 
 from linear_ik.chain import Chain
@@ -22,11 +24,9 @@ from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.simulate import simulate
 from linear_ik.viewer import MOST_POINTS, Viewer
+from linear_ik.viewer_result import RADIUS_95
 
 UTM = (512345.678, 5403210.123, 412.5)
-CHROMIUM = next(
-    (path for name in ("chromium", "chromium-browser", "google-chrome") if (path := shutil.which(name))), None
-)
 
 
 def column(location=UTM, profile=None, segments=10):
@@ -201,6 +201,55 @@ def test_the_page_needs_nothing_else_and_escapes_names(tmp_path):
         viewer.static_html(tmp_path)
 
 
+def test_what_the_scan_does_not_fix_has_another_colour():
+    element = column(segments=4)
+    scan = simulate(element, points=400)
+    result = fitted(element, scan)
+    kinds = ("measured", "inferred", "not_scanned", "measured")
+    parts = tuple(replace(s, status=kind) for s, kind in zip(result.segments, kinds, strict=True))
+    viewer = Viewer()
+    viewer.show_result(replace(result, segments=parts))
+    drawn = commands(viewer)
+    colours = [drawn[f"fitted/{k}", "set_object"]["object"]["materials"][0]["color"] for k in (1, 2, 3, 4)]
+    assert colours[0] == colours[3] and len(set(colours)) == 3
+    legend = [text for _, text in viewer.scene.captions]
+    assert "inferred: segment 2" in legend and "not scanned: segment 3" in legend
+
+
+def test_each_node_has_its_ellipsoid_as_large_as_the_legend_says():
+    element = column(segments=3)
+    scan = simulate(element, points=400)
+    result = fitted(element, scan)
+    turn = element.placement.T_world_element[:3, :3]
+    covariance = np.tile(turn @ np.diag([0.001, 0.002, 0.004]) ** 2 @ turn.T, (4, 1, 1))
+    covariance[0] = 0.0  # a held start is known exactly
+    covariance[3] = np.nan
+    viewer = Viewer()
+    viewer.show_result(replace(result, nodes_covariance_m2=covariance))
+    drawn = commands(viewer)
+    assert [key[0] for key in drawn if key[0].startswith("nodes/") and key[1] == "set_object"] == ["nodes/1", "nodes/2"]
+    (text,) = [text for _, text in viewer.scene.captions if text.startswith("nodes: ")]
+    scale = float(text.split("drawn ")[1].split()[0]) if "drawn" in text else 1.0
+    body = np.array(drawn["nodes/2", "set_object"]["object"]["object"]["matrix"]).reshape(4, 4).T[:3, :3]
+    pose = matrix(viewer, "nodes/2")
+    shape = pose[:3, :3] @ body
+    np.testing.assert_allclose(shape @ shape.T, (scale * RADIUS_95) ** 2 * covariance[2], rtol=1e-6, atol=1e-12)
+    assert np.linalg.det(pose[:3, :3]) == pytest.approx(1.0)
+    np.testing.assert_allclose(
+        pose[:3, 3] - matrix(viewer, "design")[:3, 3], scan.nodes_m[2] - np.array(UTM), atol=1e-7
+    )
+
+
+def test_the_page_is_told_the_steps_and_the_legend():
+    element = column(segments=3)
+    viewer = Viewer()
+    viewer.show_result(fitted(element, simulate(element, points=200)))
+    told = {c["type"]: c for c in (umsgpack.unpackb(data) for data in viewer.scene.commands())}
+    assert told["steps"]["labels"] == [*(f"iteration {i} of 5, full, 1.00 mm rms" for i in range(1, 6)), "result"]
+    assert [text for _, text in viewer.scene.captions] == [text for _, text in told["captions"]["lines"]]
+    assert told["captions"]["lines"][-1][1].startswith("status: converged")
+
+
 @pytest.fixture
 def served():
     viewer = Viewer("served")
@@ -290,3 +339,34 @@ def test_the_page_renders_in_a_browser(tmp_path):
     assert ((green > red + 25) & (green > blue + 15)).sum() > 2000
     grey = np.abs(red - green) + np.abs(green - blue)
     assert ((grey < 40) & (green > 145))[120:].sum() > 300
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (Debian: apt-get install chromium)")
+def test_the_slider_goes_through_the_iterations(tmp_path):
+    element = column(segments=4, location=(0, 0, 0))
+    scan = simulate(element, bends=["2:y:20"], points=500)
+    viewer = Viewer()
+    viewer.show_result(fitted(element, scan))
+    page = viewer.static_html(tmp_path / "page.html")
+    x = "viewer.scene_tree.find(['meshcat', 'fitted', '4']).object.position.x"
+
+    def slide(tab, step):
+        tab.ask(f"{{ const s = document.querySelector('#player input'); s.value = {step};"
+                " s.dispatchEvent(new Event('input')); }")  # fmt: skip
+        return tab.ask(x), tab.ask("document.querySelector('#player output').textContent")
+
+    with browser(tmp_path / "profile") as tab:
+        tab.open(page.as_uri())
+        assert tab.ask("document.querySelector('#player input').max") == "5"
+        places = [slide(tab, step) for step in (0, 2, 5)]
+        assert [text.split(",")[0] for _, text in places] == ["iteration 1 of 5", "iteration 3 of 5", "result"]
+        assert places[0][0] + 0.1 < places[1][0] < places[2][0] - 0.1
+        tab.ask("document.querySelector('#player button').click()")  # from the end it plays from the start
+        moved = set()
+        for _ in range(60):
+            moved.add(round(tab.ask(x), 3))
+            time.sleep(0.02)
+        assert tab.wait("document.querySelector('#player button').textContent === 'Play'")
+        assert len(moved) > 2 and tab.ask("document.querySelector('#player output').textContent") == "result"
+        errors = [text for text in tab.complaints if "GL Driver Message" not in text]
+        assert errors == [] and all(url.startswith(("file:", "data:")) for url in tab.requests)

@@ -10,6 +10,7 @@ import numpy.typing as npt
 
 from linear_ik.bim.axis_design import REMARK, sweep_of_axis
 from linear_ik.bim.body_check import Agreement, agreement, box_difference_m, stood
+from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.chain_of_solids import joined
 from linear_ik.bim.mesh_sweep import box_sides, shape, sweeps_of_mesh
 from linear_ik.bim.profiles import ProfileReader
@@ -64,6 +65,13 @@ class MemberReader:
         What the file writes down is believed where the body agrees with it; else the body
         itself is cut. A body that was cut or notched lies inside its element.
         """
+        try:
+            return self._read(product, body)
+        except BROKEN as error:
+            # One product that contradicts the schema is no reason to lose the others.
+            return Reading(None, f"it cannot be read: {said(error)}")
+
+    def _read(self, product: Any, body: Body | None) -> Reading:
         representation = body_representation(product)
         if representation is None:
             return self._without_body(product)

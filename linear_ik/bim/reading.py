@@ -12,7 +12,8 @@ import numpy.typing as npt
 
 from linear_ik.bim.axis_design import placement_of
 from linear_ik.bim.body_check import enough_segments
-from linear_ik.bim.file import open_model
+from linear_ik.bim.broken import BROKEN, said
+from linear_ik.bim.file import ModelFile, open_model
 from linear_ik.bim.georeference import angle_unit_rad, length_unit_m, map_conversion, true_north
 from linear_ik.bim.kernel_repairs import mend
 from linear_ik.bim.member_reader import MemberReader
@@ -57,11 +58,18 @@ def read_design(
         Metres, in the model's own coordinates (IFC's world coordinate system).
 
     Raises:
-        DesignError: said of the file: no IFC, damaged, no product of a linear class.
+        DesignError: said of the file: no IFC, damaged, no product of a linear class, nothing but contradictions.
         SettingsError: a setting out of its range, or that is none.
     """
     how = _settings(settings, changes)
     file = open_model(path)
+    try:
+        return _read(file, how, on_progress)
+    except BROKEN as error:
+        raise DesignError(file.path, f"contradicts {file.schema}: {said(error)}", "a valid IFC file") from error
+
+
+def _read(file: ModelFile, how: DesignSettings, on_progress: OnProgress | None) -> DesignModel:
     model = file.model
     unit_m = length_unit_m(file.path, model)
     linear = linear_products(model, how.classes)
@@ -134,7 +142,7 @@ def _read_members(
     return members, left_out, unfit
 
 
-def _element(product: Any, sweep: Sweep, T_world_product: Array, how: DesignSettings) -> Element:  # noqa: N803
+def _element(product: Any, sweep: Sweep, T_world_product: Array, how: DesignSettings) -> Element:
     T = T_world_product @ sweep.T_product_start
     location, axis, ref = (tuple(float(v) for v in T[:3, k]) for k in (3, 2, 0))
     segments = how.segments_for(sweep.length_m)

@@ -10,7 +10,7 @@ from typing import Annotated
 
 import typer
 
-from linear_ik.cli import align, check, compare, demo, fit, simulate, urdf, view
+from linear_ik.cli import align, check, compare, demo, fit, report, simulate, tolerances, urdf, view
 from linear_ik.cli.process import BROKEN_PIPE, INTERRUPTED, explain, was_interrupted
 
 NAME = "linear-ik"
@@ -24,7 +24,7 @@ app = typer.Typer(
     pretty_exceptions_enable=False,
     add_completion=False,
 )
-for verb in (check, align, fit, compare, view, demo, urdf, simulate):
+for verb in (check, align, fit, report, compare, tolerances, view, demo, urdf, simulate):
     verb.register(app)
 
 

@@ -31,6 +31,7 @@ FILES = (
     "result_joints.json",
     "result.glb",
     "view.html",
+    "report.html",
 )
 
 
@@ -65,9 +66,10 @@ def demo(
         from linear_ik.atomic import write_atomically
         from linear_ik.exports.fitted_urdf import write_fitted_urdf
         from linear_ik.exports.glb import write_glb
-        from linear_ik.exports.result_json import write_result
+        from linear_ik.exports.result_json import versions, write_result
         from linear_ik.exports.scan_file import write_scan
         from linear_ik.exports.truth_json import write_truth
+        from linear_ik.report import Run, judged_member, write_report
         from linear_ik.viewer import Viewer
 
         write_atomically(folder / "element.yaml", example_element_text())
@@ -79,6 +81,7 @@ def demo(
         viewer = Viewer(element.name)
         viewer.show_result(result, scan)
         viewer.static_html(folder / "view.html")
+        write_report(Run(element.name, (judged_member(result, versions=versions()),)), folder / "report.html", scan)
     for line in _comparison(result, truth, output):
         print(line, file=sys.stderr)
 
@@ -99,6 +102,7 @@ def _comparison(result: FitResult, truth: SimulatedScan, output: Path) -> list[s
     lines += ["", f"largest error {errors.max():.2f} mm, at node {errors.argmax()}", "", "look at"]
     for name, what in (
         ("view.html", "the design, the scan and the fit; opens in any browser"),
+        ("report.html", "bow, plumb, sections, each figure with its band: to file and to sign"),
         ("result.json", "every figure"),
         ("result.glb", "the bent column, for 3D programs"),
         ("result.urdf", "the same as a kinematic chain, its joint values beside it"),

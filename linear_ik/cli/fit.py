@@ -10,6 +10,15 @@ from typing import TYPE_CHECKING, Annotated
 import typer
 
 from linear_ik.cli.arguments import file_argument, file_option
+from linear_ik.cli.judging import (
+    describe_verdicts,
+    judge,
+    judged_by,
+    loading_state_option,
+    precamber_option,
+    tolerances_option,
+    verdicts_of,
+)
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
@@ -20,6 +29,7 @@ if TYPE_CHECKING:
     from linear_ik.result import FitResult, IterationRecord
     from linear_ik.scan import Scan
     from linear_ik.settings import FitSettings
+    from linear_ik.tolerances import Verdict
     from linear_ik.viewer import Viewer
 
 EXAMPLE = """Example: two files of one scan, the result, and the bent member for other programs; then a whole building
@@ -55,6 +65,10 @@ def fit(
         Path | None,
         file_option("--glb", metavar="OUT.glb", about="Also the bent body, for 3D viewers."),
     ] = None,
+    record: Annotated[
+        Path | None,
+        file_option("--record", metavar="PAGE.html", about="Also one page that plays the iterations back."),
+    ] = None,
     view: Annotated[bool, typer.Option("--view", help="Watch the fit in a browser.")] = False,
     wait: Annotated[
         bool, typer.Option("--wait/--no-wait", help="With --view: stay until Enter or Ctrl-C, or end at once.")
@@ -77,6 +91,9 @@ def fit(
         typer.Option("--systematic-error", metavar="METRES", help="1 sigma, shared by all points: registration."),
     ] = 0.0,
     max_iterations: Annotated[int, typer.Option("--max-iterations", help="Of all phases together.")] = 20_000,
+    tolerances: Annotated[str | None, tolerances_option()] = None,
+    loading_state: Annotated[str | None, loading_state_option()] = None,
+    precamber: Annotated[float | None, precamber_option()] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
     only: Annotated[
         str | None, typer.Option("--only", metavar="GUID,...", help=FOR_MODELS + "fit these elements.")
@@ -127,7 +144,17 @@ def fit(
         "map_coordinates": in_map or None,
     }
     if is_model(element):
-        refuse("is for one element", "not with a design model", urdf=urdf, glb=glb, view=view or None)
+        refuse(
+            "is for one element",
+            "not with a design model",
+            urdf=urdf,
+            glb=glb,
+            record=record,
+            view=view or None,
+            tolerances=tolerances,
+            loading_state=loading_state,
+            precamber=precamber,
+        )
         settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
@@ -139,8 +166,12 @@ def fit(
 
         check_output(joints_path(urdf), inputs, [output, urdf, *([glb] if glb else [])])
     glb_target = check_output(glb, inputs, [output, *([urdf] if urdf else [])]) if glb else None
+    others = [output, *(path for path in (urdf, glb) if path is not None)]
+    record_target = check_output(record, inputs, others) if record else None
 
     settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
+
+    profile, known = judged_by(tolerances, loading_state, precamber)
 
     from linear_ik.element_file import load_element
 
@@ -163,11 +194,22 @@ def fit(
         _write_bodies(result, urdf_target, glb_target)
         from linear_ik.exports.result_json import result_to_json, write_result
 
-        text = result_to_json(result) if to_stdout else ""
+        judged = judge(result, profile, known)
+        extra = verdicts_of(judged)
+        text = result_to_json(result, extra) if to_stdout else ""
         if not to_stdout:
-            write_result(result, target)
+            write_result(result, target, extra)
+    if record_target is not None:
+        with progress.stage(f"recording {record}"):
+            from linear_ik.viewer import Viewer
+
+            recorded = Viewer(design.name)
+            recorded.show_result(result, points)
+            recorded.static_html(record_target)
     if not quiet:
-        _summarise(result, [path for path in (output, urdf, glb) if path is not None and not is_stdout(path)])
+        bodies = [] if result.status == "not_scanned" else [urdf, glb]
+        written = [path for path in (output, *bodies, record) if path is not None and not is_stdout(path)]
+        _summarise(result, judged, written)
     if viewer is not None:
         from linear_ik.cli.view import stay
 
@@ -242,9 +284,9 @@ def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None) -> Non
         write_glb(result.element, result.q, result.base_pose, glb)
 
 
-def _summarise(result: FitResult, files: list[Path]) -> None:
+def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path]) -> None:
     from linear_ik.cli.summary import describe
 
-    written = [str(path) for i, path in enumerate(files) if i == 0 or result.status != "not_scanned"]
-    for line in [*describe(result), *([f"{'written':<11}{', '.join(written)}"] if written else [])]:
+    last = [f"{'written':<11}{', '.join(str(path) for path in files)}"] if files else []
+    for line in [*describe(result), *describe_verdicts(judged), *last]:
         print(line, file=sys.stderr)

@@ -54,6 +54,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "rmse_m": _plain(result.rmse_m),
         "surface_rmse_m": _plain(result.surface_rmse_m),
         "range_noise_m": _plain(result.range_noise_m),
+        "unobservable": list(result.unobservable),
         "segments": [_plain(asdict(segment)) for segment in result.segments],
         "history": [{f.name: _plain(getattr(record, f.name)) for f in fields(record)} for record in result.history],
         "settings": _plain(asdict(result.settings)),
@@ -62,11 +63,16 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
     }
 
 
-def result_to_json(result: FitResult) -> str:
-    """Return a result as JSON text: one line a key, a segment or an iteration."""
+def result_to_json(result: FitResult, extra: Mapping[str, Any] | None = None) -> str:
+    """Return a result as JSON text: one line a key, a segment, an iteration or a verdict.
+
+    Args:
+        result: of a fit.
+        extra: further keys, such as ``verdicts``.
+    """
     lines = []
-    for key, value in result_to_mapping(result).items():
-        if key in ("segments", "history") and value:
+    for key, value in {**result_to_mapping(result), **_plain(extra or {})}.items():
+        if key in ("segments", "history", "verdicts") and value:
             rows = ",\n  ".join(_dump(row) for row in value)
             lines.append(f"{_dump(key)}: [\n  {rows}\n]")
         else:
@@ -74,13 +80,18 @@ def result_to_json(result: FitResult) -> str:
     return "{\n" + ",\n".join(lines) + "\n}\n"
 
 
-def write_result(result: FitResult, path: str | os.PathLike[str]) -> Path:
+def write_result(result: FitResult, path: str | os.PathLike[str], extra: Mapping[str, Any] | None = None) -> Path:
     """Write a result as JSON, whole or not at all.
+
+    Args:
+        result: of a fit.
+        path: of the file.
+        extra: further keys, such as ``verdicts``; readers that do not know them pass over them.
 
     Raises:
         OutputError: the file cannot be written.
     """
-    return write_atomically(path, result_to_json(result))
+    return write_atomically(path, result_to_json(result, extra))
 
 
 def read_result(path: str | os.PathLike[str]) -> FitResult:
@@ -155,6 +166,7 @@ def result_from_mapping(mapping: object) -> FitResult:
         configuration_covariance=None
         if joint is None
         else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
+        unobservable=tuple(str(what) for what in _list("unobservable", top.get("unobservable", []))),
     )
 
 

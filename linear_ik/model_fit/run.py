@@ -71,6 +71,8 @@ def fit_model(
 
     Results are in the model's coordinates. A run that was interrupted goes on where it
     stopped when it is started again; elements whose inputs are unchanged are not fitted again.
+    A script that calls this keeps its own work below ``if __name__ == "__main__":``, because
+    worker processes import it; with ``workers=0`` there are none.
 
     Args:
         design: an IFC file, or a model.

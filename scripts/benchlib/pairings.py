@@ -1,7 +1,7 @@
 """Other correspondences for the library's loop: each maker takes a problem and a scan, and returns a pairing.
 
 A pairing is called once an iteration with (problem, pose, stage, i) and returns
-`linear_ik.descent.Paired`.
+`linear_ik.stage.Paired`.
 """
 
 from __future__ import annotations
@@ -16,8 +16,8 @@ from linear_ik import SimulatedScan
 from linear_ik.chain import Pose
 from linear_ik.cloud_pairs import CloudPairs, ModelCloud
 from linear_ik.correspondence import Correspondences
-from linear_ik.descent import Paired, Pairing, Stage, on_surface, robust_weights
 from linear_ik.problem import Problem
+from linear_ik.stage import Paired, Pairing, Stage, on_surface, robust_weights
 from linear_ik.uncertainty import noise_of
 
 Array = npt.NDArray[np.float64]

@@ -20,9 +20,10 @@ from benchlib import pairings
 from benchlib.runs import patched
 from linear_ik import Element, FitSettings, SimulatedScan, fit
 from linear_ik.chain import BASE
-from linear_ik.descent import Log, Stage, descend
+from linear_ik.descent import Log, descend
 from linear_ik.ik_step import make_solver
 from linear_ik.problem import Problem
+from linear_ik.stage import Stage
 from linear_ik.terms import Objective
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.point_residual import point_residual

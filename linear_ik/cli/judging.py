@@ -1,0 +1,95 @@
+"""Options of the verbs that judge: tolerances, and what only the person knows."""
+
+from __future__ import annotations
+
+from pathlib import Path
+from typing import TYPE_CHECKING, Any
+
+import typer
+
+from linear_ik.cli.process import about_options
+
+if TYPE_CHECKING:
+    from linear_ik.result import FitResult
+    from linear_ik.tolerances import Conditions, ConditionsOfEach, Profile, Verdict
+
+
+def tolerances_option() -> Any:
+    """Return the option that names tolerances."""
+    about = "Judge by these limits: a shipped name (see linear-ik tolerances) or a file."
+    return typer.Option("--tolerances", metavar="NAME|FILE", help=about)
+
+
+def loading_state_option() -> Any:
+    """Return the option that says how a member was loaded."""
+    about = "When it was scanned; limits on imperfection hold unloaded."
+    return typer.Option("--loading-state", metavar="unloaded|self_weight|loaded", help=about)
+
+
+def precamber_option() -> Any:
+    """Return the option that says how a beam was cambered."""
+    about = "Specified rise of the middle, where the design is drawn without it."
+    return typer.Option("--precamber", metavar="METRES", help=about)
+
+
+def judged_by(
+    tolerances: str | None, loading_state: str | None, precamber: float | None
+) -> tuple[Profile | None, Conditions]:
+    """Return the tolerances and conditions that the options name.
+
+    Raises:
+        SettingsError, ToleranceError: one of them is wrong.
+    """
+    from linear_ik.errors import SettingsError
+    from linear_ik.tolerances import Conditions, load_tolerances
+
+    try:
+        known = Conditions(loading_state, precamber)  # type: ignore[arg-type]
+    except SettingsError as error:
+        raise about_options(error, precamber_m="--precamber") from None
+    if tolerances is None and (loading_state is not None or precamber is not None):
+        option = "--precamber" if loading_state is None else "--loading-state"
+        raise SettingsError(option, "given without tolerances", "--tolerances NAME")
+    return None if tolerances is None else load_tolerances(tolerances), known
+
+
+def conditions_of_each(path: Path | None, profile: Profile | None, general: Conditions) -> ConditionsOfEach:
+    """Return the conditions of a file, those of the options for what it does not say.
+
+    Raises:
+        SettingsError: a file without tolerances.
+        ToleranceError: it is wrong.
+    """
+    from linear_ik.errors import SettingsError
+    from linear_ik.tolerances import ConditionsOfEach, load_conditions
+
+    if path is None:
+        return ConditionsOfEach(general)
+    if profile is None:
+        raise SettingsError("--conditions", "given without tolerances", "--tolerances NAME")
+    return load_conditions(path, general)
+
+
+def judge(result: FitResult, profile: Profile | None, known: Conditions) -> tuple[Verdict, ...]:
+    """Return the verdicts on a result; none without tolerances."""
+    from linear_ik.tolerances import verdicts
+
+    return () if profile is None else verdicts(result, profile, known)
+
+
+def verdicts_of(judged: tuple[Verdict, ...]) -> dict[str, Any]:
+    """Return verdicts as keys of a result's JSON; none where nothing was judged."""
+    from linear_ik.tolerances import verdicts_to_mapping
+
+    return {"verdicts": verdicts_to_mapping(judged)} if judged else {}
+
+
+def describe_verdicts(judged: tuple[Verdict, ...]) -> list[str]:
+    """Return a line for each clause that applies."""
+    lines = []
+    for v in judged:
+        if v.outcome != "not_applicable":
+            lines.append(f"{v.outcome:<13}{v.title} ({v.profile}, {v.clause}): {v.reason}")
+    if judged and not lines:
+        lines.append(f"{'verdict':<11}no clause of {judged[0].profile} applies")
+    return lines

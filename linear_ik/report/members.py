@@ -1,0 +1,248 @@
+"""Members of a report: results from files, with what the run's own files say of them."""
+
+from __future__ import annotations
+
+import csv
+import json
+import os
+from collections.abc import Callable, Iterator
+from dataclasses import dataclass, field
+from pathlib import Path
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.deviation import Deviations, deviations
+from linear_ik.errors import LinearIkError, ToleranceError
+from linear_ik.exports.result_json import EXPECTED, ResultError, result_from_mapping
+from linear_ik.result import FitResult
+from linear_ik.tolerances import (
+    Accuracy,
+    Conditions,
+    ConditionsOfEach,
+    Profile,
+    Verdict,
+    level_of_accuracy,
+    overall,
+    verdicts,
+)
+
+Array = npt.NDArray[np.float64]
+
+ELEMENTS, TABLE, RUN = "elements", "elements.csv", "run.json"
+RUN_EXPECTED = "the JSON that linear-ik fit wrote"
+
+
+@dataclass(frozen=True, eq=False)
+class ReportedMember:
+    """One element of a report.
+
+    Attributes:
+        key: unique in the report: the GlobalId, or the name of the result's file.
+        name: as designed.
+        tag: the mark that drawings use; may be empty.
+        ifc_class: such as IfcBeam; may be empty.
+        profile: name of the section.
+        result: of the fit.
+        versions: of what the result was made with.
+        deviations: None where the element was not found, or its ends coincide.
+        accuracy: None where the element was not found.
+        verdicts: on each clause; empty where no tolerances were asked for.
+        outcome: what the verdicts come to; empty where there are none.
+    """
+
+    key: str
+    name: str
+    tag: str
+    ifc_class: str
+    profile: str
+    result: FitResult
+    versions: dict[str, str] = field(default_factory=dict)
+    deviations: Deviations | None = None
+    accuracy: Accuracy | None = None
+    verdicts: tuple[Verdict, ...] = ()
+    outcome: str = ""
+
+
+@dataclass(frozen=True, eq=False)
+class Run:
+    """What a report is about.
+
+    Attributes:
+        title: of the page.
+        members: one page each.
+        unfitted: elements without a result, by column: rows of the run's table, and what the run left out.
+        about: what the run says of itself, by name.
+        T_results_scan: [4][4] from the scan's coordinates to the results', or None where they are the same.
+    """
+
+    title: str
+    members: tuple[ReportedMember, ...]
+    unfitted: tuple[dict[str, str], ...] = ()
+    about: dict[str, str] = field(default_factory=dict)
+    T_results_scan: Array | None = None
+
+
+def read_run(
+    path: str | os.PathLike[str],
+    profile: Profile | None = None,
+    conditions: Conditions | ConditionsOfEach | None = None,
+    on_member: Callable[[int, int], object] | None = None,
+) -> Run:
+    """Return what a report is about.
+
+    Args:
+        path: a result, or the folder of a run: its ``elements/*.json``, ``elements.csv`` and
+            ``run.json``; a folder of results without those will do.
+        profile: tolerances, or None for no verdicts.
+        conditions: what only the person knows, of all members or of each.
+        on_member: called with how many are read, of how many.
+
+    Raises:
+        ResultError: no result there, or one that cannot be read.
+        ToleranceError: conditions of an element that is not there.
+    """
+    known = conditions if isinstance(conditions, ConditionsOfEach) else ConditionsOfEach(conditions or Conditions())
+    source = Path(path)
+    files = _results(source)
+    rows = _table(source / TABLE) if source.is_dir() else {}
+    order = {guid: i for i, guid in enumerate(rows)}
+    files.sort(key=lambda file: order.get(file.stem, len(order)))
+    said = _said(source / RUN) if source.is_dir() else {}
+    members, strangers = [], set(known.named)
+    for i, file in enumerate(files):
+        result, versions = _read(file)
+        row = rows.pop(file.stem, {})
+        names = (file.stem, row.get("tag", ""), row.get("name") or result.element.name)
+        strangers -= {*names}
+        members.append(judged_member(result, profile, known.of(*names), file.stem, versions, row))
+        if on_member is not None:
+            on_member(i + 1, len(files))
+    if strangers:
+        raise ToleranceError("conditions", f"no element {sorted(strangers)[0]!r}", "a GlobalId, tag or name of the run")
+    title = members[0].name if len(members) == 1 and not source.is_dir() else source.resolve().name
+    left_out = said.pop("left_out", None)
+    T = said.pop("T_model_scan", None)
+    unfitted = [*rows.values(), *(dict(_flat("", row)) for row in left_out or () if isinstance(row, dict))]
+    return Run(title, tuple(members), tuple(unfitted), dict(_flat("", said)), _transform(source / RUN, T))
+
+
+def judged_member(
+    result: FitResult,
+    profile: Profile | None = None,
+    conditions: Conditions | None = None,
+    key: str = "",
+    versions: dict[str, str] | None = None,
+    about: dict[str, str] | None = None,
+) -> ReportedMember:
+    """Return a result as a member of a report, measured and judged.
+
+    Args:
+        result: of a fit.
+        profile: tolerances, or None for no verdicts.
+        conditions: what only the person knows.
+        key: unique in the report; the element's name where left out.
+        versions: of what the result was made with.
+        about: ``name``, ``tag``, ``ifc_class`` and ``profile``, where known.
+    """
+    row, element = about or {}, result.element
+    found: Deviations | None = None
+    if result.status != "not_scanned":
+        try:
+            found = deviations(result)
+        except LinearIkError:
+            pass  # its ends coincide: there is no chord to measure from, and the page says so
+    judged = verdicts(result, profile, conditions, found) if profile is not None and (found or _absent(result)) else ()
+    return ReportedMember(
+        key=key or element.name,
+        name=row.get("name") or element.name,
+        tag=row.get("tag", ""),
+        ifc_class=row.get("ifc_class", ""),
+        profile=row.get("profile") or element.profile.type.replace("_", " "),
+        result=result,
+        versions=versions or {},
+        deviations=found,
+        accuracy=None if found is None else level_of_accuracy(result, found),
+        verdicts=judged,
+        outcome=overall(judged) if judged else "",
+    )
+
+
+def _absent(result: FitResult) -> bool:
+    return result.status == "not_scanned"
+
+
+def _results(source: Path) -> list[Path]:
+    if not source.is_dir():
+        return [source]
+    folder = source / ELEMENTS if (source / ELEMENTS).is_dir() else source
+    files = sorted(path for path in folder.glob("*.json") if path.name != RUN)
+    if not files:
+        raise ResultError(source, "holds no results", f"a result, or a folder with {ELEMENTS}/*.json")
+    return files
+
+
+def _read(path: Path) -> tuple[FitResult, dict[str, str]]:
+    try:
+        mapping = json.loads(path.read_text(encoding="utf-8"))
+    except OSError as error:
+        raise ResultError(path, f"cannot be read: {error.strerror}", EXPECTED) from None
+    except (ValueError, RecursionError) as error:
+        raise ResultError(path, f"no JSON: {error}", EXPECTED) from None
+    try:
+        result = result_from_mapping(mapping)
+    except LinearIkError as error:
+        raise ResultError(path, f"{error.subject}: {error.what}", error.expected or EXPECTED) from None
+    versions = mapping.get("versions")
+    return result, {str(k): str(v) for k, v in versions.items()} if isinstance(versions, dict) else {}
+
+
+def _table(path: Path) -> dict[str, dict[str, str]]:
+    """Return the rows of a run's table by GlobalId; none where there is no table."""
+    if not path.is_file():
+        return {}
+    try:
+        with path.open(encoding="utf-8-sig", newline="") as file:
+            rows = [{str(k): str(v or "") for k, v in row.items()} for row in csv.DictReader(file)]
+    except (OSError, ValueError, csv.Error) as error:
+        raise ResultError(path, f"cannot be read: {error}", "a table with the column guid") from None
+    if rows and "guid" not in rows[0]:
+        raise ResultError(path, "has no column guid", "a table that linear-ik fit wrote")
+    return {row["guid"]: row for row in rows}
+
+
+def _said(path: Path) -> dict[str, Any]:
+    """Return what a run says of itself; nothing where there is no such file."""
+    if not path.is_file():
+        return {}
+    try:
+        said = json.loads(path.read_text(encoding="utf-8"))
+    except (OSError, ValueError, RecursionError) as error:
+        raise ResultError(path, f"cannot be read: {error}", RUN_EXPECTED) from None
+    if not isinstance(said, dict):
+        raise ResultError(path, "no set of keys", RUN_EXPECTED)
+    return said
+
+
+def _transform(path: Path, value: object) -> Array | None:
+    if value is None:
+        return None
+    try:
+        T = np.array(value, dtype=np.float64)
+    except (TypeError, ValueError):
+        T = np.empty(0)
+    if T.shape != (4, 4) or not np.isfinite(T).all():
+        raise ResultError(path, "T_model_scan is no 4 x 4 numbers", RUN_EXPECTED)
+    return None if (T == np.eye(4)).all() else T
+
+
+def _flat(name: str, value: Any) -> Iterator[tuple[str, str]]:
+    """Yield names and values as text, nested names joined by dots."""
+    if isinstance(value, dict):
+        for key, inner in value.items():
+            yield from _flat(f"{name}.{key}" if name else str(key), inner)
+    elif isinstance(value, list):
+        yield name, ", ".join(str(v) for v in value[:20]) + (", ..." if len(value) > 20 else "")
+    else:
+        yield name, "" if value is None else str(value)

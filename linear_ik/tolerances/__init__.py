@@ -1,0 +1,23 @@
+"""Tolerances: limits from editable files, and what the deviations of a member say to them."""
+
+from linear_ik.tolerances.clause import Clause, Profile
+from linear_ik.tolerances.conditions import Conditions, ConditionsOfEach, load_conditions
+from linear_ik.tolerances.loa import Accuracy, level_of_accuracy
+from linear_ik.tolerances.profile_file import load_tolerances, shipped
+from linear_ik.tolerances.verdict import Verdict, overall, verdicts, verdicts_to_mapping
+
+__all__ = [
+    "Accuracy",
+    "Clause",
+    "Conditions",
+    "ConditionsOfEach",
+    "Profile",
+    "Verdict",
+    "level_of_accuracy",
+    "load_conditions",
+    "load_tolerances",
+    "overall",
+    "shipped",
+    "verdicts",
+    "verdicts_to_mapping",
+]
