@@ -22,6 +22,8 @@ LEAST_SCANNED = 0.2
 # Doubts that the covariance carries in full: who tests against it need not doubt again.
 PLACE_NOT_SHOWN = "the scan does not show where the element lies along its axis"
 BENDING_NOT_SHOWN = "the visible faces do not show all bending"
+# Doubts about some segments only, which go before.
+NOT_SCANNED, INFERRED = "not scanned", "inferred from the neighbours only"
 MOST_SPREAD_M = 0.010
 
 
@@ -130,7 +132,7 @@ def judge(
             f"the element is not in the scan: {near} points near it make up no surface of its section",
         )
     reasons = []
-    for kind, words in (("not_scanned", "not scanned"), ("inferred", "inferred from the neighbours only")):
+    for kind, words in (("not_scanned", NOT_SCANNED), ("inferred", INFERRED)):
         which = [k + 1 for k, s in enumerate(segments) if s.status == kind]
         if which:
             reasons.append(f"{_segments(which)} {words}")

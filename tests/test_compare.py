@@ -170,6 +170,24 @@ def test_a_place_along_the_axis_that_nobody_sees_does_not_hide_a_bend(straight: 
     assert "along its axis" in bent.reasons[0]
 
 
+def test_parts_that_were_not_measured_are_not_tested(straight: FitResult) -> None:
+    def partly(hidden: int) -> FitResult:
+        segments = [
+            replace(s, status="inferred" if k < hidden else "measured") for k, s in enumerate(straight.segments)
+        ]
+        reason = f"segments 1 to {hidden} inferred from the neighbours only"
+        return replace(straight, status="uncertain", reasons=(reason,), segments=tuple(segments))
+
+    start, end = np.zeros((11, 3)), np.zeros((11, 3))
+    start[:3, 0], end[8:, 0] = 0.01, 0.01
+    (hidden,) = compare(partly(3), moved_by(straight, start)).elements
+    (shown,) = compare(partly(3), moved_by(straight, end)).elements
+    (most,) = compare(partly(8), straight).elements
+    assert (hidden.verdict, shown.verdict, most.verdict) == ("not moved", "moved", "inconclusive")
+    assert hidden.seen.tolist() == [False] * 3 + [True] * 8 and shown.largest >= 8
+    assert "Only 27 % of it was measured" in most.reasons[-1]
+
+
 def test_held_nodes_without_variance_are_no_alarm() -> None:
     result = result_of(member(0), sigma_m=SIGMA)
     covariance = result.nodes_covariance_m2.copy()
