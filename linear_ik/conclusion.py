@@ -23,6 +23,7 @@ from linear_ik.result import FitResult, SegmentResult, in_doubt
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
+from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import birge_ratio, covariance, pressed_limits
 
 Array = npt.NDArray[np.float64]
@@ -34,12 +35,14 @@ SLID_M = 0.006
 def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     """Return the result of a settled fit, and the verdict on it."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
-    S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
-    ratio = birge_ratio(problem, settled.tally.patch_score, settled.tally.objective, settled.objective)
-    node_covariance *= ratio
+    points, whole = settled.tally.objective, settled.objective
+    pressed = pressed_limits(problem, settled.x, whole, covariance(problem, pose, whole, noise_m)[0])
+    ratio = birge_ratio(problem, settled.tally.patch_score, points, whole)
+    # The points are worth less by the ratio; what is known besides them is worth what it was.
+    worth = Objective(points.H + ratio * (whole.H - points.H), points.c + ratio * (whole.c - points.c))
+    S, node_covariance = covariance(problem, pose, worth, noise_m * float(np.sqrt(ratio)))
     still_m = pose.node_jacobians() @ settled.still
     node_covariance += still_m[:, :, None] * still_m[:, None, :]
-    pressed = pressed_limits(problem, settled.x, settled.objective, S)
     segments = assess_segments(problem, settled.tally, settled.foreign)
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status == "not_scanned":
@@ -102,7 +105,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     return in_scan_coordinates(
         problem,
         settled.x,
-        ratio * S + np.outer(settled.still, settled.still),
+        S + np.outer(settled.still, settled.still),
         node_covariance,
         settings,
         log,
