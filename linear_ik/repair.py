@@ -19,7 +19,7 @@ from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
 
-LEAST_GAIN = 10.0  # points explained
+LEAST_GAIN = 4.0  # points explained
 LEAST_SHIFT_M = 0.002
 SMALL_SHIFT_M = 0.05
 MOST_REPAIRS = 8

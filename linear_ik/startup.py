@@ -82,7 +82,7 @@ class Startup:
         # The two sides of a thin plate are told apart by a score no wider than the noise asks for.
         sharp_m = float(np.clip(2.5 * self.noise_m, LEAST_TAU_M / 2, self.tau_m))
         sharply = partial(self.score, tau_m=sharp_m)
-        return repair(self.problem, x, self.around(x), self.fields, sharp_m, self.finish, sharply)
+        return repair(self.problem, x, self.around(x), self.fields, sharp_m, self.touched_up, sharply)
 
     def extend(self, parent: Hypothesis, k: int, alone: bool) -> list[Hypothesis]:
         """Return the ways to add segment k (from 0) to a hypothesis."""
@@ -274,10 +274,16 @@ class Startup:
 
     def finish(self, x: Array) -> Array:
         """Descend on all joints, the scale shrinking to the noise."""
-        t, points = self.tau_m, self.around(x)
-        if not len(points):
+        return self._finished(x, (2.0, 2.0, 1.5, 1.5, 1.0, 1.0, 0.7))
+
+    def touched_up(self, x: Array) -> Array:
+        """Descend on all joints from where nodes were moved to: a wider look would take them back."""
+        return self._finished(x, (0.7,))
+
+    def _finished(self, x: Array, scales: tuple[float, ...]) -> Array:
+        if not len(points := self.around(x)):
             return x
-        stage = Stage("search", points, (2 * t, 2 * t, 1.5 * t, 1.5 * t, t, t, 0.7 * t), self.noise_m, 20, 5e-5)
+        stage = Stage("search", points, tuple(s * self.tau_m for s in scales), self.noise_m, 20, 5e-5)
         return descend(self.problem, x, stage, self.settings, self.solver, self.log).x
 
 
