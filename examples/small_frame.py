@@ -1,4 +1,4 @@
-"""A small steel frame: its design as IFC, and scans of it in two years, with known movements between them.
+"""A small frame of steel tubes: its design as IFC, and scans of it in two years, with known movements between them.
 
     python examples/small_frame.py FOLDER
 
@@ -19,7 +19,7 @@ from ifcopenshell.api.unit import assign_unit
 import linear_ik
 from linear_ik.scene import element_mesh, floor
 
-H, HOLLOW, CENTRE = (0.2, 0.2, 0.009, 0.015, 0.018), (0.057, 0.0036), ((0.0, 0.0), (1.0, 0.0))
+SQUARE, ROUND, CENTRE = (0.2, 0.2, 0.01), (0.057, 0.0036), ((0.0, 0.0), (1.0, 0.0))
 # class, tag, start, axis, local X, length; degrees of single joints in 2024, and what came on top until 2026.
 MEMBERS = (
     ("IfcColumn", "C1", (0.0, 0.0, 0.0), (0, 0, 1), (0, 1, 0), 2.6, ("4:y:0.6", "8:y:-0.8"), ()),
@@ -38,8 +38,8 @@ def write_design(path: Path) -> None:
     context = add_context(file, "Model")
     body = add_context(file, "Model", "Body", "MODEL_VIEW", context)
     at = file.createIfcAxis2Placement2D(file.createIfcCartesianPoint(CENTRE[0]), file.createIfcDirection(CENTRE[1]))
-    steel = file.createIfcIShapeProfileDef("AREA", "HEB200", at, *H)
-    pipe = file.createIfcCircleHollowProfileDef("AREA", "114.3 x 3.6", at, *HOLLOW)
+    steel = file.createIfcRectangleHollowProfileDef("AREA", "SHS 200x10", at, *SQUARE)
+    pipe = file.createIfcCircleHollowProfileDef("AREA", "114.3 x 3.6", at, *ROUND)
     for kind, tag, start, axis, x, length, *_ in MEMBERS:
         member = create_entity(file, kind, name=tag)
         member.Tag = tag
@@ -60,7 +60,7 @@ def scan_frame(design: linear_ik.DesignModel, moved: bool, seed: int) -> linear_
     for i, (element, bend) in enumerate(zip(elements, bends, strict=True)):
         others = [floor((1.5, 0.0, 0.0)), *bodies[:i], *bodies[i + 1 :]]
         scan = linear_ik.scan_virtually(
-            element, stations=STATIONS, bends=bend, points=3000, others=others, seed=4 * seed + i
+            element, stations=STATIONS, bends=bend, points=2500, others=others, seed=4 * seed + i
         )
         parts.append(scan.points[(scan.segment != 0) | (np.abs(scan.points[:, 2]) < 0.01)])
     return linear_ik.Scan(np.concatenate(parts))
