@@ -13,7 +13,13 @@ from PIL import Image
 from linear_ik.cli import main as linear_ik
 
 DRAWN_S = 3.0  # software rendering takes its time
-SETTLE_S = 0.5
+ARM = """
+name: arm
+profile: {type: rectangle, x_dim: 0.1, y_dim: 0.2}
+length: 2.0
+segments: 5
+"""
+BENDS = ("--bend", "2:x:25", "--bend", "4:y:-20")
 
 
 def pages(figures: Path) -> list[Path]:
@@ -32,15 +38,16 @@ def pages(figures: Path) -> list[Path]:
         tolerances = ("--tolerances", "aisc303", "--loading-state", "self_weight")
         run("report", folder / "built", "--scan", scan, *tolerances, "-q", "-o", folder / "report.html")
         run("demo", "-o", folder / "demo")
-        element, column = folder / "demo" / "element.yaml", folder / "demo" / "scan.ply"
-        record = ("--record", folder / "recording.html")
-        run("fit", element, column, "-q", *record, "-o", folder / "result.json")
+        element, scan = folder / "arm.yaml", folder / "arm.ply"
+        element.write_text(ARM, encoding="utf-8")
+        run("simulate", element, *BENDS, "--points", 6000, "-o", scan)
+        run("fit", element, scan, "-q", "--record", folder / "recording.html", "-o", folder / "result.json")
         with browser(folder / "profile") as tab:
             return [
-                shot(tab, folder / "demo" / "view.html", figures / "view.png", 1000, 640),
-                recording(tab, folder / "recording.html", figures / "recording.png"),
-                shot(tab, folder / "report.html", figures / "report_1280.png", 1280, 1500, "e3"),
-                shot(tab, folder / "report.html", figures / "report_390.png", 390, 844),
+                played(tab, folder / "demo" / "view.html", figures / "view.png", 1.0),
+                played(tab, folder / "recording.html", figures / "recording.png", 0.25),
+                report(tab, folder / "report.html", figures / "report_1280.png", 1280, 1500, "C2"),
+                report(tab, folder / "report.html", figures / "report_390.png", 390, 540),
             ]
 
 
@@ -51,22 +58,24 @@ def run(*arguments: object) -> None:
         raise SystemExit(code)
 
 
-def shot(tab: Tab, page: Path, picture: Path, width: int, height: int, part: str = "") -> Path:
-    """Take a picture of a page as it opens, or from one of its parts on."""
-    tab.open(page.as_uri() + (f"#{part}" if part else ""), width, height)
+def played(tab: Tab, page: Path, picture: Path, share: float) -> Path:
+    """Take a picture of the viewer's page where a share of its iterations are over."""
+    tab.open(page.as_uri(), 1280, 720)
+    time.sleep(DRAWN_S)
+    tab.ask(
+        f"{{ const s = document.querySelector('#player input'); s.value = Math.round({share} * s.max);"
+        " s.dispatchEvent(new Event('input')); }"
+    )
     time.sleep(DRAWN_S)
     return small(tab.shot(picture))
 
 
-def recording(tab: Tab, page: Path, picture: Path) -> Path:
-    """Take a picture of a recording in its middle."""
-    tab.open(page.as_uri(), 1000, 640)
+def report(tab: Tab, page: Path, picture: Path, width: int, height: int, tag: str = "") -> Path:
+    """Take a picture of the report's list, or of the page of the element with a tag."""
+    tab.open(page.as_uri(), width, height)
+    if tag:
+        tab.ask(f"[...document.querySelectorAll('#list a')].find((a) => a.textContent === '{tag}').click()")
     time.sleep(DRAWN_S)
-    tab.ask(
-        "{ const s = document.querySelector('#player input'); s.value = Math.round(s.max / 3);"
-        " s.dispatchEvent(new Event('input')); }"
-    )
-    time.sleep(SETTLE_S)
     return small(tab.shot(picture))
 
 
