@@ -1,8 +1,6 @@
 """A small frame of steel tubes: its design as IFC, and scans of it in two years, with known movements between them.
 
-    python examples/small_frame.py FOLDER
-
-writes design.ifc, scan_2024.ply and scan_2026.ply. Two columns, a beam between them and a pipe
+`python examples/small_frame.py FOLDER` writes design.ifc, scan_2024.ply and scan_2026.ply. Two columns, a beam between them and a pipe
 below it; in the second scan the head of column C2 has moved by 8 mm.
 """
 

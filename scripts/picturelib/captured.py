@@ -35,19 +35,20 @@ ABOUT = {
 }
 HEAD = """# Captured scans
 
-Real scans, which nobody here took: five files from public repositories, each with the design that its description gives. The
-scans are not part of this project; the pictures were made from them. This page is written by a script, where the data is:
+Real scans, which nobody here took: five files from public repositories, each with the design that its description
+gives. The scans are not part of this project; the pictures were made from them. A script writes this page, where the
+data is:
 
 ```sh
 LINEAR_IK_DATA=folder scripts/pictures captured
 ```
 
-Scan points are coloured by their distance to the fitted surface, 0 to 10 mm; grey ones are farther away. Lines are the fitted
-outline, dashed ones the design. Across the axis lengths are drawn to another scale than along it.
+Scan points are coloured by their distance to the fitted surface, 0 to 10 mm; grey ones are farther away. Lines are the
+fitted outline, dashed ones the design. Across the axis lengths are drawn to another scale than along it.
 
-There is no truth here. Surface rms is that of the matched points; the median is that of all points within 10 mm, matched or
-not; bow is the largest offset from the chord with its 95 % band, and the last column the widest 95 % band of a node across
-the axis.
+There is no truth here. Surface rms is that of the matched points; the median is that of all points within 10 mm, matched
+or not; bow is the largest offset from the chord with its 95 % band, and the last column the widest 95 % band of a node
+across the axis. A section that measures otherwise than designed is in the reasons; distances are to the designed one.
 """
 
 
@@ -80,7 +81,7 @@ def captured(docs: Path) -> list[Path]:
 def table(results: dict[str, FitResult]) -> list[str]:
     """Return the figures as lines of Markdown, and every reason below."""
     lines = [
-        "| member | status | matched points | segments measured | surface rms mm | median mm | bow mm | widest band mm |",
+        "| member | status | points | segments measured | surface rms mm | median mm | bow mm | widest band mm |",
         "|---|---|---:|---:|---:|---:|---:|---:|",
     ]
     reasons = []

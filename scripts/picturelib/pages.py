@@ -19,7 +19,7 @@ profile: {type: rectangle, x_dim: 0.1, y_dim: 0.2}
 length: 2.0
 segments: 5
 """
-BENDS = ("--bend", "2:x:25", "--bend", "4:y:-20")
+BENDS = ("--bend", "2:x:-25", "--bend", "4:y:-20")
 
 
 def pages(figures: Path) -> list[Path]:
