@@ -1,6 +1,6 @@
 """Fit one beam, and read its figures with their 95 % bands.
 
-python examples/beam_with_bands.py
+Run it with `python examples/beam_with_bands.py`.
 """
 
 import numpy as np

@@ -1,6 +1,6 @@
 """Load the generated URDF into Pinocchio, set it to the fitted q, and find the fitted nodes again.
 
-python examples/chain_in_pinocchio.py
+Run it with `python examples/chain_in_pinocchio.py`.
 """
 
 import tempfile

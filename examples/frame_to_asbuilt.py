@@ -1,6 +1,6 @@
 """A small steel frame: from its IFC design and a scan to an as-built IFC and a report.
 
-python examples/frame_to_asbuilt.py FOLDER
+Run it with `python examples/frame_to_asbuilt.py FOLDER`.
 """
 
 import sys

@@ -1,6 +1,6 @@
 """Bend a pipe, scan it from one side only, and read what the covariance says of the direction that is not seen.
 
-python examples/pipe_from_one_side.py
+Run it with `python examples/pipe_from_one_side.py`.
 """
 
 import numpy as np

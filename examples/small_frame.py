@@ -1,7 +1,7 @@
 """A small frame of steel tubes: its design as IFC, and scans of it in two years, with known movements between them.
 
-`python examples/small_frame.py FOLDER` writes design.ifc, scan_2024.ply and scan_2026.ply. Two columns, a beam between them and a pipe
-below it; in the second scan the head of column C2 has moved by 8 mm.
+`python examples/small_frame.py FOLDER` writes design.ifc, scan_2024.ply and scan_2026.ply: two columns, a beam between
+them and a pipe below it. In the second scan the head of column C2 has moved by 8 mm.
 """
 
 import sys

@@ -1,6 +1,6 @@
 """Compare two scans of one column: what has moved, and is it more than the scans' own uncertainty?
 
-python examples/two_epochs.py
+Run it with `python examples/two_epochs.py`.
 """
 
 import linear_ik

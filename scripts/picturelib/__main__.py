@@ -12,17 +12,17 @@ MOST_BYTES = 300_000
 def main() -> int:
     """Make the pictures asked for; 1 where one is too large for the repository."""
     parser = argparse.ArgumentParser(prog="pictures", description="Make the pictures of the README and the pages.")
-    parser.add_argument("what", nargs="*", choices=["pages", "captured"], default=["pages", "captured"])
+    parser.add_argument("what", nargs="?", choices=["pages", "captured"], help="both when left out")
     parser.add_argument("-o", "--out", type=Path, default=ROOT / "docs", help="folder; pictures go to its figures/")
     options = parser.parse_args()
     figures = options.out / "figures"
     figures.mkdir(parents=True, exist_ok=True)
     made: list[Path] = []
-    if "pages" in options.what:
+    if options.what in (None, "pages"):
         from picturelib.pages import pages
 
         made += pages(figures)
-    if "captured" in options.what:
+    if options.what in (None, "captured"):
         from picturelib.captured import captured
 
         made += captured(options.out)
