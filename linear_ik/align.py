@@ -124,23 +124,26 @@ def align(
     rng = np.random.default_rng(0)
     mixed = local[rng.permutation(len(local))]
     some, few = mixed[:SOME_POINTS], mixed[:FEW_POINTS]
-    if guess is not None:
+    if not levelled and guess is None:
+        # Stood upright on the design by one good hypothesis, the scan has all others by turning about z.
+        say("searching by features", 0.0)
+        tilted, near_m = any_candidates(target.samples, local, lambda share: say("searching by features", share))
+        stood = _best_rough(target, few, tilted, near_m, False)[0][1]
+        upright, near_m = levelled_candidates(
+            target.samples, _moved(local, stood), lambda share: say("searching", share)
+        )
+        candidates = [stood, *(np.asarray(T @ stood) for T in upright)]
+    elif guess is not None:
         start = guess.copy()
         start[:3, 3] = guess[:3, :3] @ centre + guess[:3, 3] - target.origin_m
         candidates, near_m = [start], NEAR_START_M
     else:
-        search = levelled_candidates if levelled else any_candidates
-        candidates, near_m = search(target.samples, local, lambda share: say("searching", share))
-    upright = levelled and guess is None
-    rough: list[tuple[float, Array]] = []
-    for i, T in enumerate(candidates):
-        refined = refine(target, few, T, near_m, ROUGH_SCALE_M, upright)
-        rough.append((share_within(target, few, refined, ROUGH_SCALE_M), refined))
-        say("refining", (i + 1) / len(candidates))
-    rough.sort(key=lambda r: -r[0])
+        candidates, near_m = levelled_candidates(target.samples, local, lambda share: say("searching", share))
+    about_z = levelled and guess is None
+    rough = _best_rough(target, few, candidates, near_m, about_z, lambda share: say("refining", share))
     found: list[tuple[Quality, Array]] = []
     for T in [T for i, (_, T) in enumerate(rough) if not any(not _differs(T, U) for _, U in rough[:i])][:MOST_REFINED]:
-        refined = refine(target, some, T, ROUGH_SCALE_M, MIDDLE_SCALE_M, upright)
+        refined = refine(target, some, T, ROUGH_SCALE_M, MIDDLE_SCALE_M, about_z)
         found.append((quality(target, local, refined, voxel_m), refined))
     found.sort(key=lambda f: -f[0].score)
     q, best = found[0]
@@ -167,6 +170,27 @@ def align(
     return Alignment(
         status, reasons, in_model(best), q.rms_m, q.scan_share, q.model_share, q.score, voxel_m, tilt_deg, alternatives
     )
+
+
+def _best_rough(
+    target: Target,
+    few: Array,
+    candidates: list[Array],
+    near_m: float,
+    about_z: bool,
+    on_step: Callable[[float], None] = lambda share: None,
+) -> list[tuple[float, Array]]:
+    """Return the hypotheses, refined on few points to a rough scale, with the share that each explains; best first."""
+    rough = []
+    for i, T in enumerate(candidates):
+        refined = refine(target, few, T, near_m, ROUGH_SCALE_M, about_z)
+        rough.append((share_within(target, few, refined, ROUGH_SCALE_M), refined))
+        on_step((i + 1) / len(candidates))
+    return sorted(rough, key=lambda r: -r[0])
+
+
+def _moved(points: Array, T: Array) -> Array:
+    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
 
 
 def _is_found(q: Quality) -> bool:

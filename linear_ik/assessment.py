@@ -2,6 +2,8 @@
 
 from __future__ import annotations
 
+from collections.abc import Iterable
+
 import numpy as np
 import numpy.typing as npt
 
@@ -17,6 +19,11 @@ Mask = npt.NDArray[np.bool_]
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
+# Doubts that the covariance carries in full: who tests against it need not doubt again.
+PLACE_NOT_SHOWN = "the scan does not show where the element lies along its axis"
+BENDING_NOT_SHOWN = "the visible faces do not show all bending"
+# Doubts about some segments only, which go before.
+NOT_SCANNED, INFERRED = "not scanned", "inferred from the neighbours only"
 MOST_SPREAD_M = 0.010
 
 
@@ -125,7 +132,7 @@ def judge(
             f"the element is not in the scan: {near} points near it make up no surface of its section",
         )
     reasons = []
-    for kind, words in (("not_scanned", "not scanned"), ("inferred", "inferred from the neighbours only")):
+    for kind, words in (("not_scanned", NOT_SCANNED), ("inferred", INFERRED)):
         which = [k + 1 for k, s in enumerate(segments) if s.status == kind]
         if which:
             reasons.append(f"{_segments(which)} {words}")
@@ -142,15 +149,9 @@ def judge(
     across_m, along_m = sd_m
     if across_m.max() > MOST_SPREAD_M:
         worst = int(across_m.argmax())
-        reasons.append(
-            "the visible faces do not show all bending: "
-            f"node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)"
-        )
+        reasons.append(f"{BENDING_NOT_SHOWN}: node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)")
     if along_m.max() > MOST_SPREAD_M:
-        reasons.append(
-            "the scan does not show where the element lies along its axis: as designed, "
-            f"to {along_m.max() * 2e3:.0f} mm (95 %)"
-        )
+        reasons.append(f"{PLACE_NOT_SHOWN}: as designed, to {along_m.max() * 2e3:.0f} mm (95 %)")
     status: Status = "uncertain" if reasons else "converged"
     if not converged:
         return "max_iterations", ("the fit did not come to rest within its iterations", *reasons)
@@ -166,17 +167,44 @@ def spread(pose: Pose, node_covariance_m2: Array) -> tuple[Array, Array]:
     return np.sqrt(np.maximum(across, 0.0)), np.sqrt(np.maximum(along, 0.0))
 
 
+def unobservable(problem: Problem, pose: Pose, node_covariance_m2: Array) -> tuple[str, ...]:
+    """Return what the scan does not show, in words.
+
+    A direction is not shown where a node's standard deviation along it is above 10 mm.
+
+    Args:
+        problem: what was fitted.
+        pose: the fitted chain.
+        node_covariance_m2: [N+1][3][3] element's frame.
+    """
+    out = ["torsion: the section is round"] if problem.surface.radius_m is not None else []
+    R = np.concatenate([pose.rotations, pose.rotations[-1:]])
+    sd_m = np.sqrt(np.maximum(np.einsum("kia,kij,kja->ka", R, node_covariance_m2, R), 0.0))
+    hidden = sd_m > MOST_SPREAD_M
+    for axis, name in enumerate("xy"):
+        nodes = np.flatnonzero(hidden[:, axis])
+        if len(nodes):
+            out.append(f"bending along local {name}: node{'s' if len(nodes) > 1 else ''} {runs(nodes)}")
+    if hidden[:, 2].any():
+        out.append("the place along the axis")
+    return tuple(out)
+
+
 def listed(which: Mask) -> str:
     """Return "segments 2, 4 to 6" of a mask [N]."""
     return _segments([int(k) + 1 for k in np.flatnonzero(which)])
 
 
 def _segments(which: list[int]) -> str:
-    runs: list[list[int]] = []
+    return f"segment{'' if len(which) == 1 else 's'} {runs(which)}"
+
+
+def runs(which: Iterable[int]) -> str:
+    """Return "2, 4 to 6" of ascending numbers."""
+    found: list[list[int]] = []
     for k in which:
-        if runs and k == runs[-1][-1] + 1:
-            runs[-1].append(k)
+        if found and k == found[-1][-1] + 1:
+            found[-1].append(k)
         else:
-            runs.append([k])
-    words = ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in runs)
-    return f"segment{'' if len(which) == 1 else 's'} {words}"
+            found.append([k])
+    return ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in found)

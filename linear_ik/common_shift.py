@@ -66,14 +66,14 @@ def common_shift(movements: Sequence[Movement]) -> CommonShift | None:
     free = slice(0, 6 if rigid[1] > FLAT * rigid[0] else 3)
     blocks = []
     for m in tested:
-        A = _design(m.nodes_m - centre)[:, :, free]
+        A = _design(m.nodes_m[m.seen] - centre)[:, :, free]
         # The nodes of one element vary together: as much as one of them is what it tells for sure.
-        W = np.linalg.inv(m.covariance_m2 + LEAST_SIGMA_M**2 * np.eye(3)) / len(m.nodes_m)
-        blocks.append((A, W, m.displacement_m))
+        W = np.linalg.inv(m.covariance_m2[m.seen] + LEAST_SIGMA_M**2 * np.eye(3)) / m.seen.sum()
+        blocks.append((A, W, m.displacement_m[m.seen]))
     H = np.array([np.einsum("kia,kij,kjb->ab", A, W, A) for A, W, _ in blocks])
     g = np.array([np.einsum("kia,kij,kj->a", A, W, d) for A, W, d in blocks])
     x = np.zeros(H.shape[1])
-    x[:3] = np.median([m.displacement_m.mean(axis=0) for m in tested], axis=0)
+    x[:3] = np.median([m.displacement_m[m.seen].mean(axis=0) for m in tested], axis=0)
     weights = np.ones(len(tested))
     for _ in range(ROUNDS):
         off = np.array([np.sqrt(_squared(block, x) / 3.0) for block in blocks])

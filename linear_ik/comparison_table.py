@@ -159,6 +159,7 @@ def _row(m: Movement) -> dict[str, Any]:
 
 def _nodes(m: Movement) -> dict[str, Any]:
     return {
+        "seen": m.seen.tolist(),
         "nodes_m": m.nodes_m.tolist(),
         "displacement_m": m.displacement_m.tolist(),
         "covariance_m2": m.covariance_m2.tolist(),

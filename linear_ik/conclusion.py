@@ -8,7 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread
+from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread, unobservable
 from linear_ik.chain import BASE
 from linear_ik.descent import Log, known_terms
 from linear_ik.doubts import (
@@ -23,6 +23,7 @@ from linear_ik.result import FitResult, SegmentResult, in_doubt
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
+from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import birge_ratio, covariance, pressed_limits
 
 Array = npt.NDArray[np.float64]
@@ -34,12 +35,14 @@ SLID_M = 0.006
 def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     """Return the result of a settled fit, and the verdict on it."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
-    S, node_covariance = covariance(problem, pose, settled.objective, noise_m)
-    ratio = birge_ratio(problem, settled.tally.patch_score, settled.tally.objective, settled.objective)
-    node_covariance *= ratio
+    points, whole = settled.tally.objective, settled.objective
+    pressed = pressed_limits(problem, settled.x, whole, covariance(problem, pose, whole, noise_m)[0])
+    ratio = birge_ratio(problem, settled.tally.patch_score, points, whole)
+    # The points are worth less by the ratio; what is known besides them is worth what it was.
+    worth = Objective(points.H + ratio * (whole.H - points.H), points.c + ratio * (whole.c - points.c))
+    S, node_covariance = covariance(problem, pose, worth, noise_m * float(np.sqrt(ratio)))
     still_m = pose.node_jacobians() @ settled.still
     node_covariance += still_m[:, :, None] * still_m[:, None, :]
-    pressed = pressed_limits(problem, settled.x, settled.objective, S)
     segments = assess_segments(problem, settled.tally, settled.foreign)
     status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status == "not_scanned":
@@ -113,6 +116,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         surface_rmse_m=settled.tally.surface_rmse_m,
         range_noise_m=noise_m,
         segments=segments,
+        unobservable=unobservable(problem, pose, node_covariance),
     )
 
 

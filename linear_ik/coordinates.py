@@ -60,6 +60,9 @@ def coarse_step_m(points: Array) -> float | None:
     off_m = np.abs(some - some.astype(np.float32)).max(axis=0)
     # By chance a coordinate is within 0.3 steps of one in six cases out of ten; a hundred of them never are.
     stored = (step_m >= COARSE_STEP_M) & (off_m <= (0.3 if len(some) >= LEAST_POINTS else 0.0) * step_m)
+    # But a thin member across that axis is near one step with all of its points, which then differ from each other.
+    places = np.ptp(some, axis=0) / step_m + 2.0
+    stored &= np.array([len(np.unique(column)) for column in some.T]) <= 2.0 * places
     return float(step_m[stored].max()) if stored.any() else None
 
 

@@ -27,7 +27,7 @@ Solver = Callable[[Objective, Array, Array], Array]
 TOLERANCE = 1e-9
 MOST_ITERATIONS = 20_000
 MOST_ROUNDS = 50
-SOLVED, SOLVED_INACCURATE = 1, 2  # OSQP's status values
+SOLVED = 1  # OSQP's status value
 
 
 def make_solver(name: str) -> Solver:
@@ -76,13 +76,13 @@ class OsqpStep:
         solver.update(q=c, l=low, u=high, Px=H[upper_triangle])
         solver.warm_start(x=x, y=y)
         solution = solver.solve(raise_error=False)
-        solved = solution.info.status_val in (SOLVED, SOLVED_INACCURATE)
+        solved = solution.info.status_val == SOLVED
         # A start that OSQP's first check confirms is the answer, to the last bit.
         if not solved or solution.info.iter > 1:
             x, y = np.asarray(solution.x), np.asarray(solution.y)
             better = _active_set(H, c, low, high, x, y) if np.isfinite(x).all() and np.isfinite(y).all() else None
             if better is None and not solved:
-                better = _one_by_one(H, c, low, high, factor, str(solution.info.status))
+                better = _one_by_one(H, c, low, high, str(solution.info.status))
             x, _ = better or (x, y)
         return _put_back(x, low, high, scale, lower, upper)
 
@@ -132,9 +132,7 @@ def _active_set(H: Array, c: Array, low: Array, high: Array, x: Array, y: Array)
     return None
 
 
-def _one_by_one(
-    H: Array, c: Array, low: Array, high: Array, factor: tuple[Array, bool], status: str
-) -> tuple[Array, Array]:
+def _one_by_one(H: Array, c: Array, low: Array, high: Array, status: str) -> tuple[Array, Array]:
     """Return the minimum and its multipliers of a program that OSQP gave up with ``status``.
 
     Of programs of 300 ill-conditioned variables with half of them at a limit, one in a
@@ -143,12 +141,13 @@ def _one_by_one(
     """
     from scipy.optimize import lsq_linear
 
-    upper = np.triu(factor[0]) if not factor[1] else np.tril(factor[0]).T
-    b = scipy.linalg.solve_triangular(upper, -c, trans="T", check_finite=False)
-    # It wants room between its bounds.
-    narrow = high - low < 1e-12
-    found = lsq_linear(upper, b, (low - 1e-12 * narrow, high + 1e-12 * narrow), method="bvls", tol=1e-15)
-    x = np.clip(found.x, low, high)
+    x, free = low.copy(), high > low  # it wants room between its bounds
+    upper = scipy.linalg.cholesky(H[np.ix_(free, free)], check_finite=False)
+    pull = c[free] + H[np.ix_(free, ~free)] @ x[~free]
+    b = scipy.linalg.solve_triangular(upper, -pull, trans="T", check_finite=False)
+    found = lsq_linear(upper, b, (low[free], high[free]), method="bvls", tol=1e-15, max_iter=50 * len(c))
+    # To the last bit, what is at a bound.
+    x[free] = np.where(found.active_mask < 0, low[free], np.where(found.active_mask > 0, high[free], found.x))
     better = _active_set(H, c, low, high, x, -(H @ x + c))
     if not found.success and better is None:
         raise StepError("IK step", f"OSQP: {status}", "a solved quadratic program")

@@ -6,7 +6,8 @@ moved" d' C^-1 d has a chi-square distribution with three degrees of freedom. Th
 element vary together, in a way that their own covariances don't say. Sidak's correction over the
 nodes, p = 1 - (1 - min p_k)^M, needs no more: for centred normal distributions the probability
 that all of several ellipsoids hold is at least the product of each one's, however they correlate
-(Royen's Gaussian correlation inequality), so that p is never too small.
+(Royen's Gaussian correlation inequality), so that p is never too small. Nodes that no measured
+segment touches, in either epoch, are shown and not tested.
 """
 
 from __future__ import annotations
@@ -18,6 +19,7 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2
 
+from linear_ik.assessment import BENDING_NOT_SHOWN, INFERRED, NOT_SCANNED, PLACE_NOT_SHOWN
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
@@ -28,6 +30,8 @@ BAND_95 = 1.959964  # two-sided 95 % of a normal distribution
 LEAST_SIGMA_M = 1e-5
 # Designs that differ by more are two designs.
 SAME_DESIGN_M = 1e-3
+# Of less than this share of an element nobody says that it did not move.
+LEAST_SEEN = 0.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,6 +44,8 @@ class Movement:
         verdict: moved | not moved | inconclusive.
         reasons: plain sentences: why it is inconclusive, and what else the reader should know.
         statuses: of the two fits; "absent" where an epoch has none.
+        doubtful: whether a fit may be wrong in a way that its covariance does not carry.
+        seen: [M] whether a measured segment touches the node in both epochs; only those are tested.
         nodes_m: [M][3] before.
         displacement_m: [M][3] after less before.
         covariance_m2: [M][3][3] of the displacement, 1 sigma.
@@ -55,6 +61,8 @@ class Movement:
     verdict: Verdict
     reasons: tuple[str, ...]
     statuses: tuple[str, str]
+    doubtful: bool
+    seen: npt.NDArray[np.bool_]
     nodes_m: Array
     displacement_m: Array
     covariance_m2: Array
@@ -71,8 +79,8 @@ class Movement:
 
     @property
     def largest(self) -> int:
-        """The node that moved farthest, from 0."""
-        return int(np.linalg.norm(self.displacement_m, axis=1).argmax())
+        """The node that moved farthest, of those that were seen; counted from 0."""
+        return int(np.where(self.seen, np.linalg.norm(self.displacement_m, axis=1), -1.0).argmax())
 
     @property
     def largest_m(self) -> float:
@@ -91,11 +99,13 @@ class Movement:
 
     @property
     def across_band_m(self) -> float:
-        """Half-width of the widest 95 % band across the member, over all nodes: what would stay unseen."""
+        """Half-width of the widest 95 % band across the member, over the nodes seen: what would stay unseen."""
         if not self.tested:
             return float("nan")
         across = np.eye(3) - np.einsum("ki,kj->kij", *[_directions(self.nodes_m)] * 2)
-        return BAND_95 * float(np.sqrt(np.linalg.norm(across @ self.covariance_m2 @ across, 2, axis=(1, 2)).max()))
+        return BAND_95 * float(
+            np.sqrt(np.linalg.norm(across @ self.covariance_m2 @ across, 2, axis=(1, 2))[self.seen].max())
+        )
 
 
 def movement(key: str, before: FitResult | None, after: FitResult | None) -> Movement:
@@ -108,11 +118,25 @@ def movement(key: str, before: FitResult | None, after: FitResult | None) -> Mov
     """
     known = next(r for r in (before, after) if r is not None)
     statuses = tuple("absent" if r is None else str(r.status) for r in (before, after))
+    doubtful = any(_may_be_wrong(r) for r in (before, after))
+    nothing = np.empty(0)
     empty = Movement(
-        key, known.element.name, "inconclusive", (), (statuses[0], statuses[1]),
-        np.empty((0, 3)), np.empty((0, 3)), np.empty((0, 3, 3)), np.empty(0), np.empty(0), np.empty(0),
-        float("nan"), float("nan"),
-    )  # fmt: skip
+        key=key,
+        name=known.element.name,
+        verdict="inconclusive",
+        reasons=(),
+        statuses=(statuses[0], statuses[1]),
+        doubtful=doubtful,
+        seen=np.empty(0, dtype=bool),
+        nodes_m=np.empty((0, 3)),
+        displacement_m=np.empty((0, 3)),
+        covariance_m2=np.empty((0, 3, 3)),
+        along_m=nothing,
+        across_m=nothing,
+        p_nodes=nothing,
+        p_value=float("nan"),
+        p_adjusted=float("nan"),
+    )
     unseen = [f"The {epoch} epoch has no result." for epoch, r in _epochs(before, after) if r is None]
     unseen += [
         f"Not in the scan of the {epoch} epoch."
@@ -122,6 +146,9 @@ def movement(key: str, before: FitResult | None, after: FitResult | None) -> Mov
     if unseen or before is None or after is None:
         return replace(empty, reasons=tuple(unseen))
     count = max(before.element.segments, after.element.segments)
+    seen = _seen(before, count) & _seen(after, count)
+    if not seen.any():
+        return replace(empty, reasons=("No part of it was measured in both epochs.",))
     (start, own_before), (end, own_after) = (_at_shares(r, count) for r in (before, after))
     reasons = [
         f"The fit of the {epoch} epoch says {r.status.replace('_', ' ')}: {' '.join(r.reasons)}".strip()
@@ -133,7 +160,7 @@ def movement(key: str, before: FitResult | None, after: FitResult | None) -> Mov
     covariance = own_before + own_after
     if not np.isfinite(covariance).all():
         return replace(empty, reasons=(*reasons, "A fit does not know its covariance."))
-    return with_displacement(replace(empty, reasons=tuple(reasons), nodes_m=start), end - start, covariance)
+    return with_displacement(replace(empty, reasons=tuple(reasons), seen=seen, nodes_m=start), end - start, covariance)
 
 
 def with_displacement(of: Movement, displacement_m: Array, covariance_m2: Array) -> Movement:
@@ -145,7 +172,8 @@ def with_displacement(of: Movement, displacement_m: Array, covariance_m2: Array)
     squared = np.einsum("ki,ki->k", displacement_m, np.linalg.solve(C, displacement_m[:, :, None])[:, :, 0])
     p_nodes = chi2.sf(np.maximum(squared, 0.0), 3)
     # 1 - (1 - p)^M without losing the digits of a small p.
-    p_value = float(-np.expm1(len(p_nodes) * np.log1p(-min(float(p_nodes.min()), 1.0 - 1e-16))))
+    tested = p_nodes[of.seen]
+    p_value = float(-np.expm1(len(tested) * np.log1p(-min(float(tested.min()), 1.0 - 1e-16))))
     return replace(
         of,
         displacement_m=displacement_m,
@@ -169,16 +197,40 @@ def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> M
     if not of.tested:
         return of
     reasons = list(of.reasons)
-    if any(status != "converged" for status in of.statuses):
+    if of.doubtful:
         verdict: Verdict = "inconclusive"
     elif p_adjusted <= level:
         verdict = "moved"
+    elif of.seen.mean() < LEAST_SEEN:
+        verdict = "inconclusive"
+        reasons.append(f"Only {100 * of.seen.mean():.0f} % of it was measured in both epochs.")
     elif of.across_band_m > relevant_m:
         verdict = "inconclusive"
         reasons.append(f"Its band reaches {1000 * of.across_band_m:.1f} mm: more than {1000 * relevant_m:g} mm.")
     else:
         verdict = "not moved"
     return replace(of, verdict=verdict, reasons=tuple(reasons), p_adjusted=p_adjusted)
+
+
+def _seen(result: FitResult, count: int) -> npt.NDArray[np.bool_]:
+    """Return which of the points at equal shares [count + 1] a measured segment touches."""
+    n = result.element.segments
+    measured = np.array([segment.status == "measured" for segment in result.segments])
+    place = np.linspace(0.0, n, count + 1)
+    before, after = (np.clip(np.floor(place + side).astype(int), 0, n - 1) for side in (-1e-9, 1e-9))
+    return np.asarray(measured[before] | measured[after])
+
+
+def _may_be_wrong(result: FitResult | None) -> bool:
+    """Say whether a fit may be wrong in a way that its covariance does not carry."""
+    if result is None or result.status == "converged":
+        return result is None
+    carried = all(
+        reason.startswith((PLACE_NOT_SHOWN, BENDING_NOT_SHOWN))
+        or (reason.startswith("segment") and reason.endswith((NOT_SCANNED, INFERRED)))
+        for reason in result.reasons
+    )
+    return not (result.status == "uncertain" and result.reasons and carried)
 
 
 def _epochs(before: FitResult | None, after: FitResult | None) -> tuple[tuple[str, FitResult | None], ...]:

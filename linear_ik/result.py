@@ -98,6 +98,8 @@ class FitResult:
             base's translation x, y, z along the element's axes (m), its rotation z, y, x and then
             ``q`` (rad). ``nodes_covariance_m2`` are its marginals; it also says how nodes vary
             together, which differences between them need. None where a file does not have it.
+        unobservable: what the scan does not show, in words: torsion of a round section, the
+            place along the axis, bending across an axis with the nodes (from 0) it concerns.
     """
 
     element: Element
@@ -117,6 +119,7 @@ class FitResult:
     settings: FitSettings
     timings_s: dict[str, float] = field(default_factory=dict)
     configuration_covariance: Array | None = None
+    unobservable: tuple[str, ...] = ()
 
     @property
     def iterations(self) -> int:

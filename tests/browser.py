@@ -71,16 +71,23 @@ class Tab:
     def open(self, url: str, width: int = 1280, height: int = 900) -> None:
         """Load a page."""
         self.send("Emulation.setDeviceMetricsOverride", width=width, height=height, deviceScaleFactor=1, mobile=False)
-        self.send("Page.navigate", url=url)
-        end = time.monotonic() + 30
-        while self.ask("document.readyState + location.href") != "complete" + url and time.monotonic() < end:
-            time.sleep(0.05)
+        # By way of an empty page: where only the part behind # differs, nothing would be loaded.
+        for one in ("about:blank", url):
+            self.send("Page.navigate", url=one)
+            self.wait(f"document.readyState === 'complete' && location.href === {json.dumps(one)}")
 
     def ask(self, expression: str) -> Any:
         """Return the value of an expression in the page."""
         found = self.send("Runtime.evaluate", expression=expression, returnByValue=True, awaitPromise=True)
         assert "exceptionDetails" not in found, found
         return found["result"].get("value")
+
+    def wait(self, expression: str, timeout_s: float = 20.0) -> Any:
+        """Return the value of an expression as soon as it is true, or when the time is over."""
+        end = time.monotonic() + timeout_s
+        while not (found := self.ask(expression)) and time.monotonic() < end:
+            time.sleep(0.05)
+        return found
 
     def press(self, key: str, code: int = 0, text: str = "") -> None:
         """Press a key and let it go."""

@@ -243,6 +243,16 @@ def test_bad_input_is_named_and_nothing_is_written(tmp_path: Path) -> None:
     assert not out.exists()
 
 
+def test_an_element_that_cannot_be_drawn_stays_as_designed_on_request(tmp_path: Path) -> None:
+    broken, left = result_of(TUBE), []
+    broken.nodes_m[3:] += 0.01
+    results = {COLUMN: broken, BEAM: random_result(BEAM_ELEMENT, 1)}
+    model = as_built(tmp_path, "IFC4", results, on_left=lambda guid, what: left.append((guid, what)))
+    assert [guid for guid, _ in left] == [COLUMN] and "joint angles" in left[0][1]
+    assert sheet(model, COLUMN)["Shape"] == "as designed" and "cannot be drawn" in sheet(model, COLUMN)["Notes"]
+    assert body(model, COLUMN).Items[0].is_a("IfcMappedItem") and len(body(model, BEAM).Items) == 10
+
+
 # files of others -------------------------------------------------------------------------
 
 PROFILES = (

@@ -66,14 +66,15 @@ def test_far_from_the_origin_digits_are_kept(tmp_path):
 
 
 # IFC's cardinal points 1 to 9: where of the section the axis runs, as (x, y) of its bounding box, -1 to 1.
-CARDINALS = {i + 1: (i % 3 - 1, i // 3 - 1) for i in range(9)}
+# Left is +X: the section is seen along the axis.
+CARDINALS = {i + 1: (1 - i % 3, i // 3 - 1) for i in range(9)}
 
 
 @pytest.mark.parametrize("cardinal", CARDINALS)
 @pytest.mark.parametrize("by", ["profile", "solid"])
 def test_the_axis_is_the_middle_of_the_section_whatever_point_it_was_drawn_from(cardinal, by, tmp_path):
     file = IfcFile()
-    # Drawn from a corner: the section is shifted the other way. X is left of somebody who looks along the axis.
+    # Drawn from a corner: the section is shifted the other way.
     x, y = -CARDINALS[cardinal][0] * 0.075, -CARDINALS[cardinal][1] * 0.15
     if by == "profile":
         solid = file.extrusion(ipe(file, file.frame2d((x, y))), 5)
@@ -83,6 +84,42 @@ def test_the_axis_is_the_middle_of_the_section_whatever_point_it_was_drawn_from(
     element = read_one(file, tmp_path)
     check_axis(element, (x, y, 0), (x, y, 5))
     assert element.profile == IShape(0.15, 0.3, 0.0071, 0.0107, 0.015)
+
+
+def line_with_profile(file, point, profile, length=5.0, kind="IfcBeam", ends=None):
+    """A member of an axis and a material profile alone."""
+    curve = file.polyline(ends or [(0, 0, 0), (0, 0, length)])
+    axis = file.new("IfcShapeRepresentation", file.context, "Axis", "Curve3D", [curve])
+    made = file.product(kind, placement=file.frame((1, 2, 3), (1, 0, 0), (0, 1, 0)), extra=(None,))
+    made.Representation = file.new("IfcProductDefinitionShape", None, None, [axis])
+    material = file.new("IfcMaterial", "S355", None, None)
+    one = file.new("IfcMaterialProfile", "P", None, material, profile, None, None)
+    usage = file.new(
+        "IfcMaterialProfileSetUsage", file.new("IfcMaterialProfileSet", "S", None, [one], None), point, None
+    )
+    file.rooted("IfcRelAssociatesMaterial", None, None, [made], usage)
+
+
+@pytest.mark.parametrize("cardinal", CARDINALS)
+def test_a_line_and_a_profile_make_a_member_without_a_body(cardinal, tmp_path):
+    file = IfcFile()
+    line_with_profile(file, cardinal, ipe(file))
+    (member,) = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1).members
+    x, y = -CARDINALS[cardinal][0] * 0.075, -CARDINALS[cardinal][1] * 0.15
+    # Local X is the world's Y, local Y its Z.
+    check_axis(member.element, (1, 2 + x, 3 + y), (6, 2 + x, 3 + y))
+    assert member.element.profile == IShape(0.15, 0.3, 0.0071, 0.0107, 0.015)
+    assert (member.profile_name, "no body" in member.remark) == ("IPE300", True)
+
+
+def test_a_line_that_leaves_its_section_open_is_left_out(tmp_path):
+    file = IfcFile()
+    line_with_profile(file, 15, ipe(file))
+    line_with_profile(file, 5, ipe(file), ends=[(0, 0, 0), (5, 0, 0)])
+    model = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1)
+    assert not model.members
+    assert "cardinal point 15" in model.left_out[0].reason
+    assert "not straight along its own Z" in model.left_out[1].reason
 
 
 def test_the_position_may_be_in_the_solid_alone(tmp_path):

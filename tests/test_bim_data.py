@@ -208,7 +208,7 @@ def test_the_polygons_of_revit_are_the_sections_that_their_names_say():
     for member in design(REVIT).members:
         by_name.setdefault(member.profile_name, []).append(member.element.profile)
     channels = by_name["300PFC40.1"]
-    # 300PFC: 300 x 90 mm, web 8, flanges 16 (AS/NZS 3679.1).
+    # 300PFC: 300 x 90 mm, web 8, flanges 16.
     assert len(channels) == 18
     for profile in channels:
         dimensions = (profile.depth, profile.flange_width, profile.web_thickness, profile.flange_thickness)

@@ -1,5 +1,6 @@
 """Files as they come: versions, byte order marks, archives, damage; units, maps and north; what is left out."""
 
+import re
 import zipfile
 from collections import Counter
 
@@ -76,6 +77,24 @@ def test_a_file_that_cannot_be_read_is_named_in_one_line(damage, said, tmp_path,
     assert said in str(error.value)
     assert str(error.value).startswith(str(path)) and "\n" not in str(error.value)
     assert capfd.readouterr().out == ""
+
+
+def test_one_broken_product_costs_nobody_else(tmp_path):
+    file = beam_file()
+    for _ in range(3):
+        file.beam(file.extrusion(file.new("IfcCircleProfileDef", "AREA", None, None, 0.05), 3))
+    path = file.write(tmp_path / "m.ifc")
+    text = path.read_text()
+    # An extrusion without a depth, one without a profile, a sphere without a size.
+    lines = text.split("\n")
+    solids = [i for i, line in enumerate(lines) if "=IFCEXTRUDEDAREASOLID" in line][1:]
+    lines[solids[0]] = lines[solids[0]].replace(",3.)", ",$)")
+    lines[solids[1]] = re.sub(r"\(#\d+,", "($,", lines[solids[1]])
+    lines[solids[2]] = re.sub(r"IFCEXTRUDEDAREASOLID\(.*\)", "IFCSPHERE($,$)", lines[solids[2]])
+    path.write_text("\n".join(lines))
+    model = linear_ik.read_design(path, threads=1)
+    assert [m.name for m in model.members] == ["beam 1"]
+    assert len(model.left_out) == 3 and all("\n" not in one.reason for one in model.left_out)
 
 
 def test_missing_files_and_folders(tmp_path):

@@ -16,7 +16,7 @@ from linear_ik.readers import read_scan
 
 __all__ = ["folder", "here"]
 
-VERBS = ("fit", "report", "tolerances", "view", "demo", "urdf", "simulate")
+VERBS = ("check", "align", "fit", "report", "compare", "tolerances", "view", "demo", "urdf", "simulate")
 
 # --- what a person asks first -----------------------------------------------------------
 

@@ -155,6 +155,39 @@ def test_what_was_not_seen_is_inconclusive(straight: FitResult) -> None:
     assert "27.7 mm: more than 10 mm" not in by_key["wide"].reasons and "more than 10 mm" in by_key["wide"].reasons[0]
 
 
+def test_a_place_along_the_axis_that_nobody_sees_does_not_hide_a_bend(straight: FitResult) -> None:
+    """The covariance says it already: wide along the member, narrow across it."""
+    along = np.outer([0, 0, 1.0], [0, 0, 1.0]) * 0.03**2
+    slid = replace(
+        straight,
+        status="uncertain",
+        reasons=("the scan does not show where the element lies along its axis: as designed, to 60 mm (95 %)",),
+        nodes_covariance_m2=straight.nodes_covariance_m2 + along,
+    )
+    (still,) = compare(slid, moved_by(slid, np.tile([0.0, 0.0, 0.02], (11, 1)))).elements
+    (bent,) = compare(slid, moved_by(slid, np.tile([0.01, 0.0, 0.02], (11, 1)))).elements
+    assert (still.verdict, bent.verdict) == ("not moved", "moved")
+    assert "along its axis" in bent.reasons[0]
+
+
+def test_parts_that_were_not_measured_are_not_tested(straight: FitResult) -> None:
+    def partly(hidden: int) -> FitResult:
+        segments = [
+            replace(s, status="inferred" if k < hidden else "measured") for k, s in enumerate(straight.segments)
+        ]
+        reason = f"segments 1 to {hidden} inferred from the neighbours only"
+        return replace(straight, status="uncertain", reasons=(reason,), segments=tuple(segments))
+
+    start, end = np.zeros((11, 3)), np.zeros((11, 3))
+    start[:3, 0], end[8:, 0] = 0.01, 0.01
+    (hidden,) = compare(partly(3), moved_by(straight, start)).elements
+    (shown,) = compare(partly(3), moved_by(straight, end)).elements
+    (most,) = compare(partly(8), straight).elements
+    assert (hidden.verdict, shown.verdict, most.verdict) == ("not moved", "moved", "inconclusive")
+    assert hidden.seen.tolist() == [False] * 3 + [True] * 8 and shown.largest >= 8
+    assert "Only 27 % of it was measured" in most.reasons[-1]
+
+
 def test_held_nodes_without_variance_are_no_alarm() -> None:
     result = result_of(member(0), sigma_m=SIGMA)
     covariance = result.nodes_covariance_m2.copy()

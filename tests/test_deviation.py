@@ -225,7 +225,7 @@ def test_the_configurations_covariance_is_the_nodes(tmp_path) -> None:
     assert deviations(again).bow_m == deviations(result).bow_m
 
 
-SEEDS = 48
+SEEDS = 80
 
 
 def fits(element: Element, angles_rad: np.ndarray, missing: tuple[str, ...] = ()) -> tuple[list, FitResult]:
@@ -239,7 +239,7 @@ def fits(element: Element, angles_rad: np.ndarray, missing: tuple[str, ...] = ()
 
 @pytest.mark.parametrize("placement", [BEAM, COLUMN], ids=["beam, half seen", "column"])
 def test_coverage_of_the_bands(placement: Placement) -> None:
-    """Of 48 scans the bands hold the truth in about 95 %."""
+    """Of 80 scans the bands hold the truth in about 95 %."""
     element = Element("e", H, 3.0, 8, placement)
     angles = bent(element, 0, -0.01) + bent(element, 1, 0.006)
     angles[0] = (0.012, -0.004, 0.003)

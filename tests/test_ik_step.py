@@ -6,6 +6,7 @@ from collections.abc import Iterator
 
 import numpy as np
 import pytest
+import scipy.optimize
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from programs import assert_within, by_bvls, random_programs, violation_of_kkt
@@ -127,9 +128,21 @@ def test_osqp_corrects_a_wrong_start(monkeypatch: pytest.MonkeyPatch) -> None:
         calls.clear()
 
 
-def test_a_solver_that_gives_up_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+def test_a_program_that_osqp_gives_up_is_solved_all_the_same(monkeypatch: pytest.MonkeyPatch) -> None:
     monkeypatch.setattr(ik_step, "_active_set", lambda *_: None)
     monkeypatch.setattr(ik_step, "MOST_ITERATIONS", 2)
+    solve = OsqpStep()
+    for program in random_programs(30, 20, seed=7):
+        dx = solve(*program)
+        assert_within(dx, *program[1:])
+        assert violation_of_kkt(program, dx) < 1e-7
+
+
+def test_a_program_that_nobody_solves_is_an_error(monkeypatch: pytest.MonkeyPatch) -> None:
+    unsolved = scipy.optimize.OptimizeResult(x=np.zeros(30), active_mask=np.zeros(30), success=False)
+    monkeypatch.setattr(ik_step, "_active_set", lambda *_: None)
+    monkeypatch.setattr(ik_step, "MOST_ITERATIONS", 2)
+    monkeypatch.setattr(scipy.optimize, "lsq_linear", lambda *_, **__: unsolved)
     program = next(p for i, p in enumerate(random_programs(30, 10, seed=7)) if i == 2)
     with pytest.raises(StepError, match="maximum iterations"):
         OsqpStep()(*program)

@@ -280,6 +280,31 @@ def test_a_scan_elsewhere_is_told_why(built, tmp_path, change, hint):
     assert found.notes == (f"no point is near an element{hint}",)
 
 
+def test_stations_reach_the_fit(built, tmp_path, monkeypatch):
+    import pye57
+
+    from linear_ik.model_fit import tasks
+
+    places = np.array([[1.0, -3.0, 1.0], [1.0, 5.0, 2.0]])
+    points = linear_ik.read_scan(built.scan).points
+    with pye57.E57(str(tmp_path / "scan.e57"), mode="w") as file:
+        for place, side in zip(places, (points[:, 1] < 1.0, points[:, 1] >= 1.0), strict=True):
+            columns = (points[side] - place).T
+            data = {f"cartesian{a}": np.ascontiguousarray(c) for a, c in zip("XYZ", columns, strict=True)}
+            file.write_scan_raw(data, rotation=np.array([1.0, 0, 0, 0]), translation=place)
+    seen, real = [], tasks.fit
+
+    def fit(element, scan, settings):
+        seen.append(scan)
+        return real(element, scan, settings)
+
+    monkeypatch.setattr(tasks, "fit", fit)
+    model = only(built.design, GUIDS[2])
+    fit_model(model, [tmp_path / "scan.e57"], tmp_path / "out", options=ModelFitOptions(**HERE))
+    assert np.allclose(seen[0].stations, places)
+    assert np.array_equal(seen[0].station_index, seen[0].points[:, 1] >= 1.0)
+
+
 def test_a_selection_by_class_and_guid(built, tmp_path):
     chosen = ModelFitOptions(**HERE, classes=["ifcpipesegment"], only=[GUIDS[3], GUIDS[0]], segments=3)
     found = fit_model(built.design, [built.scan], tmp_path, options=chosen)

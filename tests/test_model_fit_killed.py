@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import json
 import os
 import signal
 import subprocess
@@ -15,8 +16,9 @@ import pytest
 from site_samples import GUIDS, design, site
 from test_model_fit import HERE, contents
 
-from linear_ik.errors import LinearIkError
+from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.model_fit import ModelFitOptions, fit_model
+from linear_ik.model_fit.folder import RunFolder
 from linear_ik.model_fit.pool import DIED, InProcess, Processes
 from linear_ik.model_fit.tasks import Task
 from linear_ik.settings import FitSettings
@@ -26,8 +28,9 @@ TESTS = Path(__file__).parent
 RUN = """
 import sys
 sys.path.insert(0, {tests!r})
-from pathlib import Path
-from site_samples import Site, design
+from site_samples import design
+from linear_ik.quick_open3d import defer_plots
+defer_plots()
 from linear_ik.model_fit import ModelFitOptions, fit_model
 if __name__ == "__main__":
     fit_model(design(), [{scan!r}], {folder!r}, options=ModelFitOptions(workers={workers}))
@@ -69,6 +72,15 @@ def test_killed_three_times_it_ends_with_the_same_files(built, undisturbed, tmp_
     run = started(tmp_path / "run.py", built, folder, workers=0)
     assert run.wait(timeout=120) == 0, run.stderr.read()
     assert contents(folder) == undisturbed
+
+
+def test_two_runs_in_one_folder_keep_out_of_each_others_way(built, tmp_path):
+    folder = RunFolder(tmp_path / "asbuilt", [])
+    folder.make()
+    with pytest.raises(OutputError, match="another run is at work in it"):
+        fit_model(built.design, [built.scan], tmp_path / "asbuilt", options=ModelFitOptions(**HERE))
+    folder.release()
+    RunFolder(tmp_path / "asbuilt", []).make()
 
 
 def children(pid: int) -> list[int]:
@@ -140,6 +152,17 @@ def test_a_task_that_kills_its_worker_twice_has_failed_and_no_other(tmp_path):
     assert [outcomes[g].result.status for g in (GUIDS[0], GUIDS[2], GUIDS[3])] == ["not_scanned"] * 3
 
 
+def test_a_script_without_a_main_guard_is_told_so(built, tmp_path):
+    script = tmp_path / "run.py"
+    text = RUN.format(tests=str(TESTS), scan=str(built.scan), folder=str(tmp_path / "out"), workers=1)
+    script.write_text(text.replace('if __name__ == "__main__":', "if True:"))
+    done = subprocess.run([sys.executable, str(script)], capture_output=True, text=True, timeout=120)
+    assert done.returncode == 1
+    assert (
+        'PoolError: workers: no process of them stays alive (a script needs `if __name__ == "__main__":`' in done.stderr
+    )
+
+
 def test_this_process_does_tasks_too():
     bad = replace(task(GUIDS[0]), points=np.zeros((3, 2)))
     good = task(GUIDS[1])
@@ -150,7 +173,7 @@ def test_this_process_does_tasks_too():
 
 @pytest.fixture
 def cluster(tmp_path):
-    """A Dask scheduler and two workers, each a process of its own; its address."""
+    """A Dask scheduler and two workers, each a process of its own: its address, and they."""
     pytest.importorskip("distributed")
     file = tmp_path / "scheduler.json"
     quiet = {"stdout": subprocess.DEVNULL, "stderr": subprocess.DEVNULL, "cwd": tmp_path}
@@ -163,18 +186,23 @@ def cluster(tmp_path):
         while not file.exists() and time.monotonic() < deadline:
             time.sleep(0.05)
         workers = [subprocess.Popen([*worker, "--scheduler-file", str(file)], **quiet) for _ in range(2)]
-        import json
-
-        yield json.loads(file.read_text())["address"]
+        yield json.loads(file.read_text())["address"], workers
     finally:
         for process in (*workers, scheduler):
             process.kill()
             process.wait()
 
 
-def test_a_cluster_gives_the_same_files(built, undisturbed, tmp_path, cluster):
+def test_a_cluster_that_loses_a_worker_gives_the_same_files(built, undisturbed, tmp_path, cluster):
+    address, workers = cluster
     folder = tmp_path / "asbuilt"
-    fit_model(built.design, [built.scan], folder, options=ModelFitOptions(scheduler=cluster))
+
+    def on_progress(stage, done, total, seconds):
+        if stage == "fitting" and done == 1:
+            workers[0].kill()
+
+    fit_model(built.design, [built.scan], folder, None, ModelFitOptions(scheduler=address), on_progress)
+    assert workers[0].wait() < 0
     assert contents(folder) == {**undisturbed, "run.json": contents(folder)["run.json"]}
 
 

@@ -83,6 +83,11 @@ def test_steps_of_single_precision() -> None:
     assert coarse_step_m(points + 5e5) is None
     assert coarse_step_m((points + 5e5).astype(np.float32).astype(np.float64)) == 0.03125
     assert coarse_step_m(np.round(points + 5e5, 3)) is None  # millimetres, written as such
+    # A thin beam along x whose y and z happen to be near a step of single precision.
+    thin = points * [1.0, 0.05, 0.05] + [500001.3, 5400000.0, 2_000_000.0]
+    for beam in (thin, np.round(thin, 3)):
+        assert coarse_step_m(beam) is None
+        assert coarse_step_m(np.round(beam.astype(np.float32).astype(np.float64), 2)) == 0.5
 
 
 @pytest.mark.parametrize(

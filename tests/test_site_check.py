@@ -207,3 +207,11 @@ def test_bad_input_is_one_line(arguments, said, site, tmp_path, monkeypatch, cap
     assert main(["check", *filled]) == 2
     out, err = capsys.readouterr()
     assert out == "" and err.startswith(said) and err.count("\n") == 1
+
+
+def test_a_design_in_the_wrong_unit_looks_odd(tmp_path, capsys):
+    # Written in metres, said to be in millimetres: a beam 0.3 mm deep.
+    file = IfcFile("IFC4", "millimetre")
+    file.beam(file.extrusion(file.new("IfcRectangleProfileDef", "AREA", None, file.frame2d(), 0.2, 0.3), 4))
+    assert main(["check", str(file.write(tmp_path / "m.ifc"))]) == 0
+    assert "WARNING    half of its sections are below 0.0003 m: is its unit right?" in capsys.readouterr().out

@@ -228,3 +228,17 @@ def test_two_faces_across_from_each_other_hardly_show_what_is_across_them():
         ratios.append(np.abs(result.nodes_m - scan.nodes_m)[1:, 0] / deviation[:, 0])
     # Said with the right size: 95 % within two deviations, as errors of a run go.
     assert np.mean(np.array(ratios) < 2.0) > 0.8
+
+
+def test_what_the_scan_does_not_show_is_named():
+    pipe = Element("pipe", Circle(0.05), 2.5)
+    assert linear_ik.fit(pipe, simulate(pipe, bends=["8:y:10"]).without_truth()).unobservable == (
+        "torsion: the section is round",
+    )
+    beam = Element("beam", Rectangle(0.1, 0.3), 2.5, start="free")
+    whole = simulate(beam).points
+    assert linear_ik.fit(beam, Scan(whole)).unobservable == ()
+    # Without its ends nothing says where it lies along itself.
+    middle = linear_ik.fit(beam, Scan(whole[(whole[:, 2] > 0.6) & (whole[:, 2] < 1.9)]))
+    assert "the place along the axis" in middle.unobservable
+    assert middle.status != "converged"

@@ -24,7 +24,7 @@ MOST_CELLS = 4_000_000  # of the whole grid: a large site makes its cells larger
 STRAYS = 0.005  # share of a scan's points, each way on each axis, that may lie anywhere: sky and reflections
 PEAKS_A_HEADING = 3
 MOST = 12
-RANSAC_RUNS = 8
+RANSAC_RUNS = 5
 FEATURE_CELLS = 100  # along the longest side of the design
 LEAST_FEATURE_M = 0.05
 RANSAC_SEED = 1
@@ -108,23 +108,21 @@ def any_candidates(target: Array, scan: Array, on_step: OnStep = _ignore) -> Can
             registration.compute_fpfh_feature(cloud, o3d.geometry.KDTreeSearchParamHybrid(6.0 * voxel_m, 150))
         )
     found = []
-    for run in range(RANSAC_RUNS):
-        o3d.utility.random.seed(RANSAC_SEED + run)
-        result = registration.registration_ransac_based_on_feature_matching(
-            *clouds,
-            *features,
-            True,
-            1.5 * voxel_m,
-            registration.TransformationEstimationPointToPoint(False),
-            3,
-            [
-                registration.CorrespondenceCheckerBasedOnEdgeLength(0.9),
-                registration.CorrespondenceCheckerBasedOnDistance(1.5 * voxel_m),
-            ],
-            registration.RANSACConvergenceCriteria(200_000, 0.999),
-        )
-        found.append((float(result.fitness), np.array(result.transformation)))
-        on_step((run + 1) / RANSAC_RUNS)
+    checks = [
+        registration.CorrespondenceCheckerBasedOnEdgeLength(0.9),
+        registration.CorrespondenceCheckerBasedOnDistance(1.5 * voxel_m),
+    ]
+    criteria = registration.RANSACConvergenceCriteria(200_000, 0.999)
+    # It warns of what it then deals with.
+    with o3d.utility.VerbosityContextManager(o3d.utility.VerbosityLevel.Error):
+        for run in range(RANSAC_RUNS):
+            o3d.utility.random.seed(RANSAC_SEED + run)
+            rigid = registration.TransformationEstimationPointToPoint(False)
+            result = registration.registration_ransac_based_on_feature_matching(
+                *clouds, *features, True, 1.5 * voxel_m, rigid, 3, checks, criteria
+            )
+            found.append((float(result.fitness), np.array(result.transformation)))
+            on_step((run + 1) / RANSAC_RUNS)
     found.sort(key=lambda f: -f[0])
     return Candidates([T for _, T in found], 2 * voxel_m)
 

@@ -78,9 +78,9 @@ class PropertySets:
             self._list("NodeDeparturesBand95", bands),
         ]
 
-    def of_not_found(self, product: Any, result: FitResult) -> None:
+    def of_not_found(self, product: Any, result: FitResult, notes: Iterable[str] = ()) -> None:
         """Say that a product was looked for and is not in the scan, or has no shape to show."""
-        self._attach([product], self._common(result.status, AS_DESIGNED, result.reasons, ()))
+        self._attach([product], self._common(result.status, AS_DESIGNED, result.reasons, notes))
 
     def of_not_fitted(self, products: list[Any]) -> None:
         """Say that products were not looked for."""

@@ -14,6 +14,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.broken import BROKEN
 from linear_ik.bim.curves import directrix
 from linear_ik.bim.profiles import ProfileReader
 from linear_ik.errors import DesignError
@@ -25,6 +26,7 @@ def mend(model: Any, profiles: ProfileReader, unit_m: float) -> None:
     """Change a model in memory so that the kernel draws it as it is meant; ``profiles`` reads what was there."""
     _replace_derived_profiles(model, profiles, unit_m)
     _draw_rounded_corners(model, unit_m)
+    _leave_out_impossible_tubes(model)
     _say_radians(model)
 
 
@@ -36,11 +38,19 @@ def _draw_rounded_corners(model: Any, unit_m: float) -> None:
             continue
         try:
             points = directrix(disk, unit_m)
-        except DesignError:
+        except (DesignError, *BROKEN):
             continue
         made = [model.create_entity("IfcCartesianPoint", tuple(float(v) for v in point / unit_m)) for point in points]
         disk.Directrix, disk.FilletRadius = model.create_entity("IfcPolyline", made), None
         disk.StartParam = disk.EndParam = None
+
+
+def _leave_out_impossible_tubes(model: Any) -> None:
+    """Make tubes with a bore of no size full: the kernel would end the process."""
+    for disk in model.by_type("IfcSweptDiskSolid"):
+        bore = disk.InnerRadius
+        if bore is not None and disk.Radius is not None and not 0 < bore < disk.Radius:
+            disk.InnerRadius = None
 
 
 def _say_radians(model: Any) -> None:

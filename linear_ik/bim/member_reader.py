@@ -8,7 +8,9 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.axis_design import REMARK, sweep_of_axis
 from linear_ik.bim.body_check import Agreement, agreement, box_difference_m, stood
+from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.chain_of_solids import joined
 from linear_ik.bim.mesh_sweep import box_sides, shape, sweeps_of_mesh
 from linear_ik.bim.profiles import ProfileReader
@@ -63,16 +65,36 @@ class MemberReader:
         What the file writes down is believed where the body agrees with it; else the body
         itself is cut. A body that was cut or notched lies inside its element.
         """
+        try:
+            return self._read(product, body)
+        except BROKEN as error:
+            # One product that contradicts the schema is no reason to lose the others.
+            return Reading(None, f"it cannot be read: {said(error)}")
+
+    def _read(self, product: Any, body: Body | None) -> Reading:
         representation = body_representation(product)
         if representation is None:
-            parts = [part for rel in product.IsDecomposedBy for part in rel.RelatedObjects]
-            return Reading(None, "its body is that of its parts" if parts else "it has no body")
+            return self._without_body(product)
         if body is None:
             return Reading(None, "its body cannot be computed")
         solids = solids_of(representation, self.unit_m)
         if len(solids) == 1:
             return self._single(solids[0], body)
         return self._several(solids, body)
+
+    def _without_body(self, product: Any) -> Reading:
+        parts = [part for rel in product.IsDecomposedBy for part in rel.RelatedObjects]
+        if parts:
+            return Reading(None, "its body is that of its parts")
+        try:
+            sweep = sweep_of_axis(product, self.profiles)
+        except DesignError as error:
+            return Reading(None, f"it has no body, and {error.subject} {error.what}")
+        if sweep is None:
+            return Reading(None, "it has no body")
+        if not self._slender(sweep):
+            return Reading(None, "it has no body, and its axis is short")
+        return Reading(sweep, remark=REMARK)
 
     def _single(self, solid: Solid, body: Body) -> Reading:
         written, reason = self._written(solid, body.vertices_m)

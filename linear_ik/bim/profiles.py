@@ -7,6 +7,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.placed_profile import PlacedProfile, carried, centred
 from linear_ik.bim.recognition import recognise
 from linear_ik.errors import DesignError, ElementError
@@ -60,8 +61,8 @@ class ProfileReader:
                 self._known[key] = self._read(definition)
             except (DesignError, ElementError) as error:
                 self._known[key] = f"{error.subject} {error.what}"
-            except (RuntimeError, TypeError, ValueError) as error:
-                self._known[key] = f"cannot be drawn: {error}"
+            except BROKEN as error:
+                self._known[key] = f"cannot be read: {said(error)}"
         found = self._known[key]
         if isinstance(found, str):
             raise DesignError(f"its profile ({definition.is_a()})", found)

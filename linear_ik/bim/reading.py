@@ -10,8 +10,10 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.axis_design import placement_of
 from linear_ik.bim.body_check import enough_segments
-from linear_ik.bim.file import open_model
+from linear_ik.bim.broken import BROKEN, said
+from linear_ik.bim.file import ModelFile, open_model
 from linear_ik.bim.georeference import angle_unit_rad, length_unit_m, map_conversion, true_north
 from linear_ik.bim.kernel_repairs import mend
 from linear_ik.bim.member_reader import MemberReader
@@ -56,11 +58,18 @@ def read_design(
         Metres, in the model's own coordinates (IFC's world coordinate system).
 
     Raises:
-        DesignError: said of the file: no IFC, damaged, no product of a linear class.
+        DesignError: said of the file: no IFC, damaged, no product of a linear class, nothing but contradictions.
         SettingsError: a setting out of its range, or that is none.
     """
     how = _settings(settings, changes)
     file = open_model(path)
+    try:
+        return _read(file, how, on_progress)
+    except BROKEN as error:
+        raise DesignError(file.path, f"contradicts {file.schema}: {said(error)}", "a valid IFC file") from error
+
+
+def _read(file: ModelFile, how: DesignSettings, on_progress: OnProgress | None) -> DesignModel:
     model = file.model
     unit_m = length_unit_m(file.path, model)
     linear = linear_products(model, how.classes)
@@ -117,9 +126,10 @@ def _read_members(
         reason = reading.reason
         if guid in seen:
             reason = "its GlobalId is that of another element"
-        elif reading.sweep is not None and body is not None:
+        elif reading.sweep is not None:
             try:
-                element = _element(product, reading.sweep, body, how)
+                T = body.T_world_product if body is not None else placement_of(product, reader.unit_m)
+                element = _element(product, reading.sweep, T, how)
                 tag = text(getattr(product, "Tag", None)) or text(product.Name)
                 section = profile_name(product, reading.solid)
                 members.append(Member(guid, name, text(product.Name), tag, section, element, reading.remark))
@@ -132,8 +142,8 @@ def _read_members(
     return members, left_out, unfit
 
 
-def _element(product: Any, sweep: Sweep, body: Body, how: DesignSettings) -> Element:
-    T = body.T_world_product @ sweep.T_product_start
+def _element(product: Any, sweep: Sweep, T_world_product: Array, how: DesignSettings) -> Element:
+    T = T_world_product @ sweep.T_product_start
     location, axis, ref = (tuple(float(v) for v in T[:3, k]) for k in (3, 2, 0))
     segments = how.segments_for(sweep.length_m)
     points = None

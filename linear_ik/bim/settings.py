@@ -18,7 +18,7 @@ class DesignSettings:
     Attributes:
         classes: which of LINEAR_CLASSES.
         slenderness: an element is linear if its length is at least this many times the larger
-            side of its section. 3 is where a beam ends and a deep beam begins (EN 1992-1-1, 5.3.1).
+            side of its section. At 3, codes for concrete tell a beam from a deep beam.
         tolerance_m: how far a body may stick out of the element read from it, and an outline be
             from the profile it is taken for.
         segments: of every element; None: one a ``segment_length_m``, within the two limits.

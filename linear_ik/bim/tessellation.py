@@ -12,6 +12,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.bim.broken import BROKEN
 from linear_ik.bim.solids import body_representation
 from linear_ik.quiet import silence
 
@@ -87,17 +88,20 @@ def bodies(
 
 def _is_cut_by_solids(product: Any) -> bool:
     """Say whether a body is made by booleans of solids alone; with half spaces the second kernel takes nothing off."""
-    representation = body_representation(product)
+    try:
+        representation = body_representation(product)
+    except BROKEN:
+        return False
     if representation is None or getattr(product, "HasOpenings", None):
         return False
     items = list(representation.Items)
     booleans = False
     while items:
         item = items.pop()
-        if item.is_a("IfcBooleanResult"):
+        if item is not None and item.is_a("IfcBooleanResult"):
             booleans = True
             items += [item.FirstOperand, item.SecondOperand]
-        elif not item.is_a("IfcSweptAreaSolid"):
+        elif item is None or not item.is_a("IfcSweptAreaSolid"):
             return False
     return booleans
 

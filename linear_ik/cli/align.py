@@ -29,7 +29,7 @@ Exit codes: 0 aligned, 3 no alignment found (nothing written), 4 ambiguous: the 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Find the rigid motion that takes a scan into a design's coordinates."
+    about = "Find the rigid motion that lays a scan on a design."
     app.command("align", cls=Verb, help=about, epilog=EXAMPLE)(align)
 
 

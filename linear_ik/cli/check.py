@@ -34,7 +34,7 @@ def register(app: typer.Typer) -> None:
 
 def check(
     design: Annotated[Path, file_argument("DESIGN.ifc", "The design: .ifc or .ifczip.")],
-    scan: Annotated[list[Path] | None, file_argument("[SCAN]...", "Scans of it, each checked by itself.")] = None,
+    scan: Annotated[list[Path] | None, file_argument("SCAN", "Scans of it, each checked by itself.")] = None,
     as_json: Annotated[bool, typer.Option("--json", help="Print JSON: every element, every figure.")] = False,
     classes: Annotated[
         list[str] | None, typer.Option("--class", metavar="IFC_CLASS", help="Only these, such as IfcBeam; repeatable.")

@@ -18,6 +18,7 @@ if TYPE_CHECKING:
 
 SCHEMA = "linear_ik/check/1"
 UNITS = {1.0: "metres", 0.001: "millimetres", 0.01: "centimetres", 0.3048: "feet", 0.0254: "inches"}
+THINNEST_M, THICKEST_M = 0.004, 10.0  # the median of a model's sections
 MOST_LINES = 15  # of a list; --json has all of it
 _SIZES = re.compile(r"[\d.]+(?: x [\d.]+)*")
 
@@ -30,6 +31,7 @@ def design_lines(model: DesignModel) -> list[str]:
         lines.append(_line("extent", _box(low, high)))
     lines += [_line("map", text) for text in _map_lines(model)]
     lines += [_line("note", note) for note in model.notes]
+    lines += [_line("WARNING", text) for text in size_warnings(model)]
     lines.append(_line("elements", f"{len(model.members)} to fit"))
     kinds = Counter((m.ifc_class, m.profile_name or "no name", _shape(m)) for m in model.members)
     lines += _table([(str(n), *kind) for kind, n in sorted(kinds.items(), key=lambda one: (one[0][0], -one[1]))])
@@ -98,7 +100,7 @@ def to_json(model: DesignModel, checks: Sequence[ScanCheck], coverage: Sequence[
             if conversion is None
             else {"crs": conversion.crs, "T_map_model": conversion.T_map_model.tolist()},
             "true_north": None if model.true_north is None else list(model.true_north),
-            "notes": list(model.notes),
+            "notes": [*model.notes, *size_warnings(model)],
             "left_out": [_plain(one, "reason") for one in model.left_out],
             "obstacles": dict(Counter(o.ifc_class for o in model.obstacles)),
         },
@@ -106,6 +108,19 @@ def to_json(model: DesignModel, checks: Sequence[ScanCheck], coverage: Sequence[
         "scans": [_scan(check) for check in checks],
     }
     return json.dumps(document, indent=1, allow_nan=False) + "\n"
+
+
+def size_warnings(model: DesignModel) -> list[str]:
+    """Return what looks like a wrong unit of the design: sections that no building has."""
+    if not model.members:
+        return []
+    sides = [float(np.ptp(m.element.profile.outline(), axis=0).max()) for m in model.members]
+    middle = float(np.median(sides))
+    if THINNEST_M <= middle <= THICKEST_M:
+        return []
+    return [
+        f"half of its sections are {'below' if middle < THINNEST_M else 'above'} {middle:.3g} m: is its unit right?"
+    ]
 
 
 def extent_m(model: DesignModel) -> tuple[np.ndarray, np.ndarray]:

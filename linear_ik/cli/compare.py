@@ -22,7 +22,7 @@ EXAMPLE = """Example: two epochs of a building, a table for a spreadsheet; then 
 
 def register(app: typer.Typer) -> None:
     """Add the verb."""
-    about = "Say what moved between two scans, and how sure that is. The table goes to stdout."
+    about = "Say what moved between two scans, and how sure that is."
     app.command("compare", cls=Verb, help=about, epilog=EXAMPLE)(compare)
 
 

@@ -143,14 +143,10 @@ class _Talk:
 
     def __call__(self, stage: str, done: int, total: int, seconds: float) -> None:
         text = stage
-        if total and stage == "colouring the scan":
-            text = f"{stage}: {done:,} of {total:,} points"
-        elif total:
-            text = f"{stage}: {done} of {total} elements"
-        elif done:
-            text = f"{stage}: {done:,}"
+        if done or total:
+            text = f"{stage}: {done:,} of {total:,}" if total else f"{stage}: {done:,}"
         if math.isfinite(seconds):
-            text += f", {_time(seconds)} left"
+            text += f" elements, {_time(seconds)} left"
         self.progress.update(text)
         if self._lines and time.monotonic() - self._last > LINE_EVERY_S:
             self._last = time.monotonic()

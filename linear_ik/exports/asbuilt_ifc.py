@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Mapping
+from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from pathlib import Path
 from typing import get_args
@@ -31,6 +31,7 @@ def write_asbuilt_ifc(
     body: Body = "extrusions",
     keep_design: bool = False,
     when: datetime | None = None,
+    on_left: Callable[[str, str], None] | None = None,
 ) -> Path:
     """Write the design file with each fitted element's body replaced by its bent shape.
 
@@ -51,6 +52,8 @@ def write_asbuilt_ifc(
             (IfcTriangulatedFaceSet, in IFC2X3 IfcFacetedBrep).
         keep_design: keep each replaced body as a second representation with the identifier Reference.
         when: date of the results; now when left out.
+        on_left: called with the GlobalId of an element whose result contradicts itself, and what is wrong; it stays
+            as designed and says so. Without it that is an error.
 
     Returns:
         The path.
@@ -84,7 +87,10 @@ def write_asbuilt_ifc(
             exchange.replace(product, items, axis_items(draft, shape, T_product_model))
             sheets.of_fitted(product, result, notes)
         except LinearIkError as error:
-            raise AsBuiltError(guid, f"{error.subject}: {error.what}", error.expected) from None
+            if on_left is None:
+                raise AsBuiltError(guid, f"{error.subject}: {error.what}", error.expected) from None
+            sheets.of_not_found(product, result, [f"The fitted shape cannot be drawn: {error}"])
+            on_left(guid, f"{error.subject}: {error.what}")
     exchange.finish()
     linear = [product for product, _ in linear_products(draft.model, LINEAR_CLASSES)]
     sheets.of_not_fitted([product for product in linear if product.GlobalId not in results])

@@ -54,6 +54,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "rmse_m": _plain(result.rmse_m),
         "surface_rmse_m": _plain(result.surface_rmse_m),
         "range_noise_m": _plain(result.range_noise_m),
+        "unobservable": list(result.unobservable),
         "segments": [_plain(asdict(segment)) for segment in result.segments],
         "history": [{f.name: _plain(getattr(record, f.name)) for f in fields(record)} for record in result.history],
         "settings": _plain(asdict(result.settings)),
@@ -165,6 +166,7 @@ def result_from_mapping(mapping: object) -> FitResult:
         configuration_covariance=None
         if joint is None
         else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
+        unobservable=tuple(str(what) for what in _list("unobservable", top.get("unobservable", []))),
     )
 
 

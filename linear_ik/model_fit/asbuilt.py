@@ -5,7 +5,6 @@ from __future__ import annotations
 from collections.abc import Mapping
 from pathlib import Path
 
-from linear_ik.errors import LinearIkError
 from linear_ik.result import FitResult
 
 
@@ -15,16 +14,13 @@ def write_asbuilt(design: Path, results: Mapping[str, FitResult], path: Path) ->
     Raises:
         OutputError: the file cannot be written.
     """
-    from linear_ik.asbuilt.shape import AsBuiltError
     from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
 
-    left, notes = dict(results), list[str]()
-    while True:
-        try:
-            write_asbuilt_ifc(design, left, path)
-            return notes
-        except AsBuiltError as error:
-            if error.subject not in left:
-                raise LinearIkError(path, f"{error.subject}: {error.what}", error.expected) from None
-            del left[error.subject]
-            notes.append(f"{error.subject} is as designed in {path.name}: {error.what}")
+    notes: list[str] = []
+    write_asbuilt_ifc(
+        design,
+        results,
+        path,
+        on_left=lambda guid, what: notes.append(f"{guid} is as designed in {path.name}: {what}"),
+    )
+    return notes

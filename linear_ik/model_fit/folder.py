@@ -6,6 +6,7 @@ same: design, settings, what stands around it, the scan files and the versions.
 
 from __future__ import annotations
 
+import fcntl
 import hashlib
 import json
 import os
@@ -14,7 +15,7 @@ import shutil
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any
+from typing import Any, TextIO
 
 from linear_ik.atomic import write_atomically
 from linear_ik.errors import LinearIkError, OutputError
@@ -63,19 +64,33 @@ class RunFolder:
         self.path, self._stems = path, file_stems(guids)
         self.scratch = path / STATE / "points"
         self._made = False
+        self._lock: TextIO | None = None
 
     def make(self) -> None:
-        """Make the folders.
+        """Make the folders, and keep other runs out of them until this process ends or calls `release`.
 
         Raises:
-            OutputError: they cannot be made.
+            OutputError: they cannot be made, or another run is at work there.
         """
-        self._made = not self.path.exists()
+        made = not self.path.exists()
         try:
             for folder in (self.path / "elements", self.path / STATE / "first"):
                 folder.mkdir(parents=True, exist_ok=True)
+            self._lock = (self.path / STATE / "lock").open("a")
         except OSError as error:
             raise OutputError(self.path, f"cannot be written: {error.strerror}", "a folder that can be made") from None
+        try:
+            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
+        except BlockingIOError:
+            raise OutputError(self.path, "another run is at work in it", "another folder, or wait") from None
+        except OSError:
+            pass  # a network file system without locks
+        self._made = made
+
+    def release(self) -> None:
+        """Let other runs in."""
+        if self._lock is not None:
+            self._lock.close()
 
     def element_path(self, guid: str) -> Path:
         """Return where an element's result is."""

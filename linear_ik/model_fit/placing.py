@@ -44,7 +44,7 @@ def why_nothing(model: DesignModel, scan_box_m: Array) -> str:
         if _apart_m(np.stack([corners.min(axis=0), corners.max(axis=0)]), design) < NEAR_M:
             return "no point is near an element: the scan seems to be in the map's coordinates (--map)"
     apart_m = _apart_m(scan_box_m, design)
-    if not _alike(scan_box_m, design) or apart_m >= NEAR_M:
+    if not _alike(scan_box_m, design):
         for unit, factor in UNITS.items():
             scaled = scan_box_m * factor
             if _alike(scaled, design) and _apart_m(scaled, design) < NEAR_M:

@@ -17,6 +17,7 @@ from multiprocessing import Pipe, get_context
 from multiprocessing.connection import Connection
 from typing import Protocol
 
+from linear_ik.errors import LinearIkError
 from linear_ik.model_fit.tasks import Outcome, Task, run_task
 from linear_ik.quick_open3d import defer_plots
 
@@ -24,6 +25,10 @@ from linear_ik.quick_open3d import defer_plots
 THREADS = ("OMP_NUM_THREADS", "OPENBLAS_NUM_THREADS", "MKL_NUM_THREADS", "VECLIB_MAXIMUM_THREADS")
 MOST_ATTEMPTS = 2
 DIED = f"its process was killed or crashed, {MOST_ATTEMPTS} times (out of memory?)"
+
+
+class PoolError(LinearIkError):
+    """Processes that cannot be started."""
 
 
 class Pool(Protocol):
@@ -56,6 +61,7 @@ class Processes:
         """Start none yet: the first tasks do."""
         self._executors: list[ProcessPoolExecutor | None] = [None] * workers
         self._lifelines: list[Connection | None] = [None] * workers
+        self._starts = False
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
         """Yield the outcome of every task, in the order they end."""
@@ -78,10 +84,13 @@ class Processes:
                     outcome = future.result()
                 except BrokenProcessPool:
                     self._drop(slot)
+                    self._check_start()
                     if attempt < MOST_ATTEMPTS:
                         again.append((task, attempt + 1))
                         continue
                     outcome = Outcome(task.guid, failure=DIED)
+                else:
+                    self._starts = True
                 yield outcome
 
     def close(self) -> None:
@@ -90,19 +99,38 @@ class Processes:
             self._drop(slot)
 
     def _submit(self, slot: int, task: Task) -> Future[Outcome]:
-        for _ in range(MOST_ATTEMPTS):
-            executor = self._executors[slot]
-            if executor is None:
-                there, self._lifelines[slot] = Pipe(duplex=False)
-                executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=prepare_worker, initargs=(there,))
-                self._executors[slot] = executor
+        with one_thread_each():
             try:
-                with one_thread_each():
-                    return executor.submit(run_task, task)
+                return self._executor(slot).submit(run_task, task)
             except BrokenProcessPool:
                 # It died while it had nothing to do.
                 self._drop(slot)
-        raise BrokenProcessPool("no process stays alive; a script that calls fit_model needs `if __name__ == ...`")
+                return self._executor(slot).submit(run_task, task)
+
+    def _executor(self, slot: int) -> ProcessPoolExecutor:
+        executor = self._executors[slot]
+        if executor is None:
+            there, self._lifelines[slot] = Pipe(duplex=False)
+            executor = ProcessPoolExecutor(1, get_context("spawn"), initializer=prepare_worker, initargs=(there,))
+            self._executors[slot] = executor
+        return executor
+
+    def _check_start(self) -> None:
+        """Tell a task that kills its process from processes that cannot even start.
+
+        Raises:
+            PoolError: they cannot.
+        """
+        if self._starts:
+            return
+        with one_thread_each(), ProcessPoolExecutor(1, get_context("spawn")) as executor:
+            try:
+                executor.submit(os.getpid).result()
+            except BrokenProcessPool:
+                raise PoolError(
+                    "workers", "no process of them stays alive", 'a script needs `if __name__ == "__main__":`, or 0'
+                ) from None
+        self._starts = True
 
     def _drop(self, slot: int) -> None:
         executor, self._executors[slot] = self._executors[slot], None

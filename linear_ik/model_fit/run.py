@@ -5,7 +5,8 @@ from __future__ import annotations
 import json
 import os
 import time
-from collections.abc import Iterator, Sequence
+from collections import Counter
+from collections.abc import Callable, Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
@@ -70,6 +71,8 @@ def fit_model(
 
     Results are in the model's coordinates. A run that was interrupted goes on where it
     stopped when it is started again; elements whose inputs are unchanged are not fitted again.
+    A script that calls this keeps its own work below ``if __name__ == "__main__":``, because
+    worker processes import it; with ``workers=0`` there are none.
 
     Args:
         design: an IFC file, or a model.
@@ -85,7 +88,6 @@ def fit_model(
     """
     settings, options = settings or FitSettings(), options or ModelFitOptions()
     listener = on_progress or (lambda *_: None)
-    began = time.perf_counter()
     chunk = int(min(CHUNK_POINTS, max(10_000, options.memory_mb * 2**20 / 4 / BYTES_A_POINT)))
     paths = [Path(path) for path in scan_paths]
     if not paths:
@@ -104,60 +106,90 @@ def fit_model(
     members, obstacles = select(model, options)
     folder = RunFolder(Path(output_folder), [member.guid for member in members])
     pool = make_pool(options, len(members))
+    clock = _Clock()
     try:
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths), T)
-        timings: dict[str, float] = {}
-        try:
-            fits.prepare(pieces, listener)
-        except LinearIkError:
-            folder.take_back()
-            raise
-        timings["hand_out"] = time.perf_counter() - began
+        _hand_out(fits, folder, pieces, listener)
+        clock.lap("hand_out")
         fits.first(pool, listener)
-        timings["first_fits"] = time.perf_counter() - began - sum(timings.values())
+        clock.lap("first_fits")
         fits.contest(pool, listener)
-        timings["contest"] = time.perf_counter() - began - sum(timings.values())
+        clock.lap("contest")
+        pool.close()
+        found, report = _write(fits, model, design_path, pieces, listener)
+        clock.lap("files")
+        report |= {
+            "scans": [path.name for path in paths],
+            "coordinates": "the model's; " + ("as the scan's" if T is None else "T_model_scan was used"),
+            "T_model_scan": (np.eye(4) if T is None else T).tolist(),
+            "timings_s": clock.timings_s(),
+        }
+        write_atomically(folder.path / "run.json", json.dumps(report, indent=1, default=list) + "\n")
+        folder.clear_scratch()
+        return found
     finally:
         pool.close()
+        folder.release()
+
+
+class _Clock:
+    def __init__(self) -> None:
+        self._began = self._last = time.perf_counter()
+        self._laps: dict[str, float] = {}
+
+    def lap(self, name: str) -> None:
+        now = time.perf_counter()
+        self._laps[name], self._last = now - self._last, now
+
+    def timings_s(self) -> dict[str, float]:
+        return {**self._laps, "total": time.perf_counter() - self._began}
+
+
+def _hand_out(fits: Fits, folder: RunFolder, pieces: Callable[[], Iterator[Scan]], listener: Listener) -> None:
+    """Take over what is known and hand out the scan; leave nothing behind where that comes to no good."""
+    try:
+        fits.prepare(pieces, listener)
+    except LinearIkError:
+        folder.take_back()
+        raise
+    except KeyboardInterrupt:
+        folder.clear_scratch()
+        raise
+
+
+def _write(
+    fits: Fits, model: DesignModel, design: Path | None, pieces: Callable[[], Iterator[Scan]], listener: Listener
+) -> tuple[ModelFit, dict[str, object]]:
+    """Write the files that are about all elements; return what was found, and what run.json says of it."""
+    folder, options, rows = fits.folder.path, fits.options, fits.rows
     files, notes = ["elements.csv"], list(model.notes)
     if fits.extent and not fits.extent["in_a_neighbourhood"]:
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
-    write_table(fits.rows, folder.path / "elements.csv")
-    wanted = fingerprint(sorted(fits.inputs.items()), options.legend_m)
-    coloured = colour_scan(pieces, fits, folder.path, options, wanted, listener)
+    write_table(rows, folder / "elements.csv")
+    shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
+    coloured = colour_scan(pieces, fits, folder, options, fingerprint(fits.inputs, options.legend_m, shapes), listener)
     files += coloured.files
     notes += coloured.notes
-    if design_path is not None:
+    if design is not None:
         listener("writing asbuilt.ifc", 0, 0, float("nan"))
-        notes += write_asbuilt(design_path, fits.results, folder.path / ASBUILT)
+        notes += write_asbuilt(design, fits.results, folder / ASBUILT)
         files.append(ASBUILT)
-    timings["files"] = time.perf_counter() - began - sum(timings.values())
-    timings["total"] = time.perf_counter() - began
-    counts: dict[str, int] = {}
-    for row in fits.rows:
-        counts[row.status] = counts.get(row.status, 0) + 1
-    report = {
+    counts = dict(Counter(row.status for row in rows))
+    report: dict[str, object] = {
         "schema": SCHEMA,
         "design": model.source,
-        "scans": [path.name for path in paths],
-        "coordinates": "the model's; " + ("as the scan's" if T is None else "T_model_scan was used"),
-        "T_model_scan": (np.eye(4) if T is None else T).tolist(),
-        "counts": {"elements": len(members), **counts},
+        "counts": {"elements": len(rows), **counts},
         "left_out": [asdict(left) for left in model.left_out],
         "notes": notes,
-        "settings": asdict(settings),
+        "settings": asdict(fits.settings),
         "options": {k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler")},
         "deviation": coloured.legend,
-        "inputs": wanted,
         "scan_points": fits.extent,
         "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": fits.fitted_now},
-        "timings_s": timings,
         "versions": versions(),
     }
-    write_atomically(folder.path / "run.json", json.dumps(report, indent=1, default=list) + "\n")
-    folder.clear_scratch()
-    return ModelFit(tuple(fits.rows), folder.path, counts, (*files, "run.json"), tuple(notes))
+    return ModelFit(tuple(rows), folder, counts, (*files, "run.json"), tuple(notes)), report
 
 
 def make_pool(options: ModelFitOptions, elements: int) -> Pool:

@@ -53,7 +53,7 @@ def curve_plot(
         f'<svg class="plot" viewBox="0 0 {WIDTH} {HEIGHT}" role="img" '
         f'aria-label="{escape(what)} along the length; largest {largest:.1f} mm">'
     ]
-    out += _unmeasured(segments, length_m, px)
+    out += _unmeasured(segments)
     for tick in np.arange(-math.floor(top / step) * step, top + step / 2, step):
         out.append(f'<path class="grid" d="M{LEFT} {py(tick):.1f}H{WIDTH - RIGHT}"/>')
         out.append(f'<text x="{LEFT - 6}" y="{py(tick) + 4:.1f}" text-anchor="end">{_number(tick, step)}</text>')
@@ -136,7 +136,7 @@ def strip(segments: Sequence[SegmentResult]) -> Markup:
     )
 
 
-def _unmeasured(segments: Sequence[SegmentResult], length_m: float, px: object) -> list[str]:
+def _unmeasured(segments: Sequence[SegmentResult]) -> list[str]:
     step = (WIDTH - LEFT - RIGHT) / len(segments)
     return [
         f'<rect class="{s.status}" x="{LEFT + k * step:.1f}" y="{TOP}" width="{step:.1f}" '

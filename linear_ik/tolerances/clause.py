@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import dataclass
-from typing import Literal
+from typing import Literal, NamedTuple
 
 from linear_ik.tolerances.formula import Quantity, evaluate
 
@@ -23,6 +23,22 @@ Figure = Literal[
 ANGLES = ("twist", "slope")
 
 
+class Limits(NamedTuple):
+    """What a clause allows one member, metres or radians.
+
+    Attributes:
+        lower: least value.
+        upper: largest value.
+        widest: largest value by the widest reading of a clause that was not read to its end; else ``upper``.
+        both_ways: whether ``lower`` is the negative of ``upper``.
+    """
+
+    lower: float
+    upper: float
+    widest: float
+    both_ways: bool
+
+
 @dataclass(frozen=True)
 class Row:
     """A limit for some lengths.
@@ -31,11 +47,13 @@ class Row:
         over: formula of the length that is just too short.
         to: formula of the longest.
         limit: formula.
+        unsure_to: formula, see `Clause`; None: as the limit.
     """
 
     over: str
     to: str
     limit: str
+    unsure_to: str | None = None
 
 
 @dataclass(frozen=True)
@@ -50,6 +68,8 @@ class Clause:
         unloaded: whether it holds for the unstressed member only.
         limit: formula of the largest size, rows by length, or None where the file has none yet.
         lower: formula of the least value; None: as far below 0 as the limit is above.
+        unsure_to: formula of the limit by the widest reading, where it is not known which one is
+            right: between the two nothing fails. None: as the limit; rows have their own.
         verified_by: who read the figure in the standard; None: nobody.
         note: what a reader should know; may be empty.
     """
@@ -61,17 +81,19 @@ class Clause:
     unloaded: bool = False
     limit: str | tuple[Row, ...] | None = None
     lower: str | None = None
+    unsure_to: str | None = None
     verified_by: str | None = None
     note: str = ""
 
-    def limits(self, names: dict[str, Quantity]) -> tuple[float, float] | None:
-        """Return the least and the largest value allowed, metres or radians; None: no row for that length.
+    def limits(self, names: dict[str, Quantity]) -> Limits | None:
+        """Return what is allowed; None: no row for that length.
 
         Raises:
             ToleranceError: a formula that cannot be evaluated.
         """
         assert self.limit is not None
         formula: str | None = None
+        unsure_to = self.unsure_to
         if isinstance(self.limit, str):
             formula = self.limit
         else:
@@ -79,12 +101,14 @@ class Clause:
             for row in self.limit:
                 over, to = (evaluate(text, names).value for text in (row.over, row.to))
                 if over < L <= to + 1e-9:
-                    formula = row.limit
+                    formula, unsure_to = row.limit, row.unsure_to
                     break
         if formula is None:
             return None
         upper = evaluate(formula, names).value
-        return (-upper if self.lower is None else evaluate(self.lower, names).value), upper
+        widest = upper if unsure_to is None else max(upper, evaluate(unsure_to, names).value)
+        lower = -upper if self.lower is None else evaluate(self.lower, names).value
+        return Limits(lower, upper, widest, self.lower is None)
 
 
 @dataclass(frozen=True)

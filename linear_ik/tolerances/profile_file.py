@@ -17,9 +17,20 @@ from linear_ik.tolerances.formula import Quantity, evaluate
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "tolerances"
 LARGEST_FILE_BYTES = 256 * 1024
 TOP = ("title", "edition", "clauses")
-CLAUSE_KEYS = ("clause", "title", "figure", "applies_to", "unloaded", "limit", "lower", "verified_by", "note")
+CLAUSE_KEYS = (
+    "clause",
+    "title",
+    "figure",
+    "applies_to",
+    "unloaded",
+    "limit",
+    "lower",
+    "unsure_to",
+    "verified_by",
+    "note",
+)
 NEEDED = ("clause", "title", "figure", "limit", "verified_by")
-ROW = ("over", "to", "limit")
+ROW, ROW_NEEDED = ("over", "to", "limit", "unsure_to"), ("over", "to", "limit")
 # Any member will do to see whether a formula can be evaluated.
 TRIAL = {"L": Quantity(5.0, 1), "h": Quantity(3.0, 1), "D": Quantity(0.3, 1), "B": Quantity(0.2, 1)}
 
@@ -137,7 +148,7 @@ def _clause(name: str, value: object) -> Clause:
             raise ToleranceError(f"{name}.limit", "an empty list", "rows {over, to, limit}, or a formula")
     elif limit is not None:
         limit = _formula(f"{name}.limit", limit, power)
-    lower, verified = data.get("lower"), data["verified_by"]
+    verified = data["verified_by"]
     return Clause(
         clause=said(f"{name}.clause", data["clause"]),
         title=said(f"{name}.title", data["title"]),
@@ -145,18 +156,24 @@ def _clause(name: str, value: object) -> Clause:
         applies_to=applies_to,
         unloaded=unloaded,
         limit=limit,
-        lower=None if lower is None else _formula(f"{name}.lower", lower, power),
+        lower=_optional(name, data, "lower", power),
+        unsure_to=_optional(name, data, "unsure_to", power),
         verified_by=None if verified is None else said(f"{name}.verified_by", verified),
         note=said(f"{name}.note", data["note"]) if "note" in data else "",
     )
 
 
 def _row(name: str, value: object, power: int) -> Row:
-    data = checked(name, value, ROW, ROW)
+    data = checked(name, value, ROW, ROW_NEEDED)
     over, to = (length(f"{name}.{key}", data[key]) for key in ("over", "to"))
     if not evaluate(over, TRIAL).value < evaluate(to, TRIAL).value:
         raise ToleranceError(name, f"over {over} to {to}", "lengths that grow")
-    return Row(over, to, _formula(f"{name}.limit", data["limit"], power))
+    return Row(over, to, _formula(f"{name}.limit", data["limit"], power), _optional(name, data, "unsure_to", power))
+
+
+def _optional(name: str, data: Mapping[str, Any], key: str, power: int) -> str | None:
+    value = data.get(key)
+    return None if value is None else _formula(f"{name}.{key}", value, power)
 
 
 def _formula(name: str, value: object, power: int) -> str:

@@ -21,7 +21,7 @@ import numpy as np
 from linear_ik.deviation import Deviations, Figure, deviations
 from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
-from linear_ik.tolerances.clause import ANGLES, Clause, Profile
+from linear_ik.tolerances.clause import ANGLES, Clause, Limits, Profile
 from linear_ik.tolerances.conditions import Conditions
 from linear_ik.tolerances.formula import Quantity
 
@@ -108,7 +108,7 @@ def _verdict(
     result: FitResult, found: Deviations | None, profile: Profile, clause: Clause, known: Conditions
 ) -> Verdict:
     figure = None if found is None else _figure(found, clause.figure)
-    limits: tuple[float, float] | None = None
+    limits: Limits | None = None
     outcome: Outcome = "inconclusive"
     reason = ""
     try:
@@ -127,8 +127,8 @@ def _verdict(
         figure=clause.figure,
         value=None if figure is None else figure.value,
         band=None if figure is None else figure.band,
-        lower=None if limits is None else limits[0],
-        upper=None if limits is None else limits[1],
+        lower=None if limits is None else limits.lower,
+        upper=None if limits is None else limits.upper,
         outcome=outcome,
         reason=reason,
         loading_state=known.loading_state or "not stated",
@@ -143,7 +143,7 @@ def _outcome(
     found: Deviations | None,
     figure: Figure | None,
     clause: Clause,
-    limits: tuple[float, float] | None,
+    limits: Limits | None,
     known: Conditions,
 ) -> tuple[Outcome, str]:
     """Return the outcome and its reason: first whether the clause holds, then what is not known, then the figure."""
@@ -171,7 +171,7 @@ def _outcome(
 
 
 def _loaded(
-    found: Deviations, clause: Clause, figure: Figure, limits: tuple[float, float], known: Conditions
+    found: Deviations, clause: Clause, figure: Figure, limits: Limits, known: Conditions
 ) -> tuple[Outcome, str]:
     """Return the outcome of a clause that holds for the unstressed member, which this one is not."""
     if known.loading_state is None:
@@ -190,17 +190,20 @@ def _loaded(
     return "inconclusive", "holds for the unloaded member: own weight sags it, and the scan does not tell how much"
 
 
-def compare(value: float, band: float, limits: tuple[float, float], angle: bool) -> tuple[Outcome, str]:
+def compare(value: float, band: float, limits: Limits, angle: bool) -> tuple[Outcome, str]:
     """Return the outcome of the guard band rule, and the sentence."""
-    lower, upper = limits
     unit, scale = ("deg", math.degrees(1.0)) if angle else ("mm", 1e3)
     low, high = value - band, value + band
     span = f"{scale * low:.2f} to {scale * high:.2f} {unit} (95 %)"
-    allowed = f"{scale * upper:.2f} {unit}" if lower == -upper else f"{scale * lower:.2f} to {scale * upper:.2f} {unit}"
-    if lower <= low and high <= upper:
+    allowed = f"{scale * limits.upper:.2f} {unit}"
+    if not limits.both_ways:
+        allowed = f"{scale * limits.lower:.2f} to {allowed}"
+    if limits.lower <= low and high <= limits.upper:
         return "pass", f"{span} is within {allowed}"
-    if low > upper or high < lower:
+    if low > limits.widest or high < (-limits.widest if limits.both_ways else limits.lower):
         return "fail", f"{span} is outside {allowed}"
+    if low > limits.upper or high < limits.lower:
+        return "inconclusive", f"{span} is outside {allowed}, but may be allowed to {scale * limits.widest:.2f} {unit}"
     return "inconclusive", f"{span} crosses the limit of {allowed}"
 
 
