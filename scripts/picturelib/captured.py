@@ -18,7 +18,7 @@ from matplotlib import pyplot as plt  # noqa: E402 - after the choice of what dr
 
 Array = npt.NDArray[np.float64]
 NEAR_M, COLOURS_M = 0.15, 0.010
-MOST_POINTS = 6_000
+MOST_POINTS = 4_000
 GROUPS = {
     "steel_joint": ("heb340", "hea140"),
     "pump": ("pipe_west", "pipe_east"),
@@ -47,8 +47,8 @@ Scan points are coloured by their distance to the fitted surface, 0 to 10 mm; gr
 fitted outline, dashed ones the design. Across the axis lengths are drawn to another scale than along it.
 
 There is no truth here. Surface rms is that of the matched points; the median is that of all points within 10 mm,
-matched or not; bow is the largest offset from the chord with its 95 % band, and the last column the widest 95 % band of a node
-across the axis. A section that measures otherwise than designed is in the reasons; distances are to the designed one.
+matched or not; bow is the largest offset from the chord with its 95 % band, and the last column the widest 95 % band of
+a node across the axis. A section that measures otherwise than designed is in the reasons; distances are to the designed one.
 """
 
 
