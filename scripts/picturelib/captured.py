@@ -48,7 +48,8 @@ fitted outline, dashed ones the design. Across the axis lengths are drawn to ano
 
 There is no truth here. Surface rms is that of the matched points; the median is that of all points within 10 mm,
 matched or not; bow is the largest offset from the chord with its 95 % band, and the last column the widest 95 % band of
-a node across the axis. A section that measures otherwise than designed is in the reasons; distances are to the designed one.
+a node across the axis. A section that measures otherwise than designed is in the reasons; distances are to the
+designed one.
 """
 
 
