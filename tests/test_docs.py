@@ -4,12 +4,16 @@ from __future__ import annotations
 
 import os
 import re
+import shlex
 import subprocess
 import sys
 from pathlib import Path
 
 import pytest
+import typer
 import yaml
+
+from linear_ik.cli.app import app
 
 ROOT = Path(__file__).parent.parent
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -96,6 +100,18 @@ def check_files(folder: Path) -> None:
         assert (folder / name).stat().st_size > 20_000, name
     for name in ("truth.json", "icpik.json", "bent_joints.json", "arm.urdf"):
         assert (folder / name).is_file(), name
+
+
+def test_every_command_shown_anywhere_is_understood() -> None:
+    """README's commands, those in tables and sentences left out: verbs, arguments and options exist."""
+    verbs = typer.main.get_command(app)
+    shown = [ROOT / "README.md", *ROOT.glob("docs/**/*.md")]
+    lines = [line for page in shown for block in blocks(page, "sh", "bash") for line in block.splitlines()]
+    commands = [shlex.split(line, comments=True) for line in lines if line.startswith("linear-ik ")]
+    assert len(commands) > 20
+    for _, verb, *arguments in commands:
+        ends = [i for i, word in enumerate(arguments) if word in (">", "|", "&&")]
+        verbs.commands[verb].make_context(verb, arguments[: min(ends, default=None)])
 
 
 def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
