@@ -62,10 +62,14 @@ def repair(
             refused.clear()
         else:
             refused.add(run)
-    for nodes in straighter(problem.chain.pose(x)):
-        moved = finish(through(problem.chain, x, nodes))
-        if (value := score(moved)) > best:
-            x, best = moved, value
+    for _ in range(MOST_STRAIGHTENED):
+        for nodes in straighter(problem.chain.pose(x)):
+            moved = finish(through(problem.chain, x, nodes))
+            if (value := score(moved)) > best:
+                x, best = moved, value
+                break
+        else:
+            break
     return x
 
 

@@ -84,8 +84,9 @@ def birge_ratio(problem: Problem, scores: Array, points: Objective, whole: Objec
 
     Scanners err by the patch: points share what registration, slanted faces, mixed
     pixels and a section that is not quite as designed do to them, so that covariances
-    of independent points are too small. ``max(1, chi^2 / (patches - fitted variables))``
-    is the factor on them that makes the patches' scatter its own (Birge, 1932).
+    of independent points are too small. ``chi^2 / (patches - fitted variables)`` is the
+    factor on them that makes the patches' scatter its own (Birge, 1932); 1 where chance
+    explains it.
 
     Args:
         problem: for the variables that may move.
@@ -97,8 +98,9 @@ def birge_ratio(problem: Problem, scores: Array, points: Objective, whole: Objec
     # A variable that the prior holds is not fitted to the patches.
     fitted = float(np.trace(np.linalg.solve(whole.H[rows], points.H[rows])))
     freedom = max(len(scores) - fitted, LEAST_FREEDOM * len(scores), 1.0)
+    chi2 = float(scores @ scores)
     # Chance alone takes chi^2 a deviation, sqrt(2 freedom), above its mean now and then.
-    return max(1.0, float(scores @ scores) / (freedom + float(np.sqrt(2.0 * freedom))))
+    return chi2 / freedom if chi2 > freedom + float(np.sqrt(2.0 * freedom)) else 1.0
 
 
 def pressed_limits(problem: Problem, x: Array, objective: Objective, S: Array) -> npt.NDArray[np.bool_]:

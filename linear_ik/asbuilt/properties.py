@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+import uuid
 from collections import Counter
 from collections.abc import Iterable
 from datetime import datetime
@@ -126,7 +127,8 @@ class PropertySets:
         model = self._draft.model
         for sheet in [s for s in model.by_type("IfcPropertySet") if s.Name == NAME]:
             for relation in model.get_inverse(sheet):
-                model.remove(relation)
+                if relation.is_a("IfcRelDefinesByProperties"):
+                    model.remove(relation)
             values = list(sheet.HasProperties)
             model.remove(sheet)
             for value in values:
@@ -134,20 +136,25 @@ class PropertySets:
                     model.remove(value)
 
     def _attach(self, products: list[Any], values: list[Any]) -> None:
-        import ifcopenshell.guid
-
         make, owner = self._draft.make, self._draft.owner_history(products[0])
         sheet = make(
             "IfcPropertySet",
-            GlobalId=ifcopenshell.guid.new(),
+            GlobalId=guid_of(products[0], "properties"),
             OwnerHistory=owner,
             Name=NAME,
             HasProperties=values,
         )
         make(
             "IfcRelDefinesByProperties",
-            GlobalId=ifcopenshell.guid.new(),
+            GlobalId=guid_of(products[0], "relation"),
             OwnerHistory=owner,
             RelatedObjects=products,
             RelatingPropertyDefinition=sheet,
         )
+
+
+def guid_of(product: Any, what: str) -> str:
+    """Return the GlobalId of what is said of a product: the same whenever it is said."""
+    import ifcopenshell.guid
+
+    return str(ifcopenshell.guid.compress(uuid.uuid5(uuid.NAMESPACE_OID, f"{product.GlobalId}/{NAME}/{what}").hex))

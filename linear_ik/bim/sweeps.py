@@ -94,7 +94,6 @@ class SweepReader:
         # In the plane of the section: its middle goes around the axis.
         points = arc_points(np.append(placed.t_m, 0.0), hub, np.array(axis, dtype=np.float64), angle)
         points = points @ A[:3, :3].T + A[:3, 3]
-        T_line = line_frame(points[0], points[1] - points[0], A[:3, 0])
         # The first chord leans to the arc's inside by half a step; the section is square to the arc.
         normal = A[:3, 2] if (points[1] - points[0]) @ A[:3, 2] > 0 else -A[:3, 2]
         T_line = line_frame(points[0], normal, A[:3, 0])

@@ -17,6 +17,7 @@ from linear_ik.asbuilt.output import write_model
 from linear_ik.asbuilt.properties import PropertySets
 from linear_ik.asbuilt.shape import AsBuiltError, bent_shape
 from linear_ik.atomic import check_writable
+from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.file import open_model
 from linear_ik.bim.products import LINEAR_CLASSES, linear_products
 from linear_ik.errors import LinearIkError, SettingsError
@@ -86,11 +87,14 @@ def write_asbuilt_ifc(
             items = body_items(draft, shape, T_product_model, body, exchange.designed_profile(product))
             exchange.replace(product, items, axis_items(draft, shape, T_product_model))
             sheets.of_fitted(product, result, notes)
-        except LinearIkError as error:
+        except (LinearIkError, *BROKEN) as error:
+            known = isinstance(error, LinearIkError)
+            what = f"{error.subject}: {error.what}" if isinstance(error, LinearIkError) else said(error)
             if on_left is None:
-                raise AsBuiltError(guid, f"{error.subject}: {error.what}", error.expected) from None
-            sheets.of_not_found(product, result, [f"The fitted shape cannot be drawn: {error}"])
-            on_left(guid, f"{error.subject}: {error.what}")
+                expected = error.expected if isinstance(error, LinearIkError) else "a product that its schema allows"
+                raise AsBuiltError(guid, what, expected) from None
+            sheets.of_not_found(product, result, [f"The fitted shape cannot be drawn: {error if known else what}"])
+            on_left(guid, what)
     exchange.finish()
     linear = [product for product, _ in linear_products(draft.model, LINEAR_CLASSES)]
     sheets.of_not_fitted([product for product in linear if product.GlobalId not in results])
