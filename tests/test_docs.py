@@ -123,6 +123,14 @@ def test_the_site_builds_without_a_warning(tmp_path: Path) -> None:
         assert f'id="{name}"' in reference
 
 
+def test_the_citation_names_this_version() -> None:
+    import linear_ik
+
+    citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
+    assert citation["version"] == linear_ik.__version__ and citation["license"] == "Apache-2.0"
+    assert f"Version {linear_ik.__version__}." in (ROOT / "docs" / "cite.md").read_text(encoding="utf-8")
+
+
 def test_every_public_name_is_in_the_reference() -> None:
     import linear_ik
 
