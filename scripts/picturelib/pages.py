@@ -1,0 +1,85 @@
+"""Screenshots of what the package shows a person, by headless Chromium."""
+
+from __future__ import annotations
+
+import tempfile
+import time
+from pathlib import Path
+
+import small_frame
+from browser import CHROMIUM, Tab, browser
+from PIL import Image
+
+from linear_ik.cli import main as linear_ik
+
+DRAWN_S = 3.0  # software rendering takes its time
+ARM = """
+name: arm
+profile: {type: rectangle, x_dim: 0.1, y_dim: 0.2}
+length: 2.0
+segments: 5
+"""
+BENDS = ("--bend", "2:x:-25", "--bend", "4:y:-20")
+
+
+def pages(figures: Path) -> list[Path]:
+    """Run the commands of the start pages, open what they wrote, and take the pictures.
+
+    Args:
+        figures: folder of the pictures.
+    """
+    if CHROMIUM is None:
+        raise SystemExit("error: chromium: not installed (Debian: apt-get install chromium)")
+    with tempfile.TemporaryDirectory() as name:
+        folder = Path(name)
+        small_frame.main(folder)
+        design, scan = folder / "design.ifc", folder / "scan_2024.ply"
+        run("fit", design, scan, "--workers", 1, "-q", "-o", folder / "built")
+        tolerances = ("--tolerances", "aisc303", "--loading-state", "self_weight")
+        run("report", folder / "built", "--scan", scan, *tolerances, "-q", "-o", folder / "report.html")
+        run("demo", "-o", folder / "demo")
+        element, scan = folder / "arm.yaml", folder / "arm.ply"
+        element.write_text(ARM, encoding="utf-8")
+        run("simulate", element, *BENDS, "--points", 6000, "-o", scan)
+        run("fit", element, scan, "-q", "--record", folder / "recording.html", "-o", folder / "result.json")
+        with browser(folder / "profile") as tab:
+            return [
+                played(tab, folder / "demo" / "view.html", figures / "view.png", 1.0),
+                played(tab, folder / "recording.html", figures / "recording.png", 0.25),
+                report(tab, folder / "report.html", figures / "report_1280.png", 1280, 1500, "C2"),
+                report(tab, folder / "report.html", figures / "report_390.png", 390, 540),
+            ]
+
+
+def run(*arguments: object) -> None:
+    """Run a verb of the command line; it has said what was wrong."""
+    code = linear_ik([str(part) for part in arguments])
+    if code:
+        raise SystemExit(code)
+
+
+def played(tab: Tab, page: Path, picture: Path, share: float) -> Path:
+    """Take a picture of the viewer's page where a share of its iterations are over."""
+    tab.open(page.as_uri(), 1280, 720)
+    time.sleep(DRAWN_S)
+    tab.ask(
+        f"{{ const s = document.querySelector('#player input'); s.value = Math.round({share} * s.max);"
+        " s.dispatchEvent(new Event('input')); }"
+    )
+    time.sleep(DRAWN_S)
+    return small(tab.shot(picture))
+
+
+def report(tab: Tab, page: Path, picture: Path, width: int, height: int, tag: str = "") -> Path:
+    """Take a picture of the report's list, or of the page of the element with a tag."""
+    tab.open(page.as_uri(), width, height)
+    if tag:
+        tab.ask(f"[...document.querySelectorAll('#list a')].find((a) => a.textContent === '{tag}').click()")
+    time.sleep(DRAWN_S)
+    return small(tab.shot(picture))
+
+
+def small(picture: Path) -> Path:
+    """Write a picture anew with 256 colours, which pages do not miss."""
+    Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(picture, optimize=True)
+    return picture
