@@ -34,7 +34,6 @@ CHILDREN = 3
 SHIFT_STEP_M, MOST_STEPS = 0.02, 8  # of a floating base, each way; a large tolerance is searched more coarsely
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
-BENT_RAD = np.radians(4.0)
 
 
 @dataclass(frozen=True, eq=False)
