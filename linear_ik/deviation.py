@@ -12,6 +12,9 @@ its variance is ``sum_ab c_a c_b e' C_ab e`` with the covariance C_ab between no
 ``C = A S A'`` of the result's ``configuration_covariance`` S. A result without that one gets
 the largest deviation that the nodes' own covariances allow, ``sum_a |c_a| sqrt(e' C_aa e)``:
 wider, never too narrow.
+
+The largest figure f_k of several has the band ``max(f_k + U_k) - max(f_k)``, with the bands U_k of
+all of them: none reaches beyond it.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 VERTICAL_RAD = np.radians(10.0)  # of the design's chord: within it a member is a column
 UP = (0.0, 0.0, 1.0)
-LARGEST = "the largest of all nodes, with the band at that node: noise alone makes it more than 0"
+LARGEST = "the largest of all nodes, its band as far as any node's reaches: noise alone makes it more than 0"
 
 
 @dataclass(frozen=True)
@@ -252,8 +255,15 @@ def _largest(bands: Bands, rows: Array, vectors: Array, axes: Array, note: str, 
     free = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > 1e-9)
     if not len(free):
         return Figure(None, None, None, "one segment cannot bend")
-    k = int(free[np.linalg.norm(vectors[free], axis=1).argmax()])
-    return _length(bands, rows[k : k + 1], vectors[k], axes, k + first, note)
+    figures = [_length(bands, rows[k : k + 1], vectors[k], axes, int(k) + first, note) for k in free]
+    value, reach = np.array([_value_and_reach(figure) for figure in figures]).T
+    # A node that is less far out but less well known may be the farthest: the limit must hold for it too.
+    return replace(figures[int(value.argmax())], band=float(reach.max() - value.max()))
+
+
+def _value_and_reach(figure: Figure) -> tuple[float, float]:
+    assert figure.value is not None and figure.band is not None
+    return figure.value, figure.value + figure.band
 
 
 def _length(bands: Bands, row: Array, vector: Array, axes: Array, node: int | None = None, note: str = "") -> Figure:
