@@ -227,6 +227,15 @@ def test_the_configurations_covariance_is_the_nodes(tmp_path) -> None:
     assert deviations(again).bow_m == deviations(result).bow_m
 
 
+def test_a_slope_is_an_angle() -> None:
+    beam = Element("beam", H, 2.0, 2, BEAM)
+    angles = np.zeros((2, 3))
+    angles[:, 0] = 0.5, -1.0
+    d = deviations(posed(beam, angles))
+    assert d.slope_max_rad.value == pytest.approx(0.5, abs=1e-9)
+    assert d.slope_rad.xy[:, 1] == pytest.approx([-0.5, 0.5], abs=1e-9)
+
+
 def loosely_known_at_node_3() -> FitResult:
     """A kink of 3.6 mm at node 5 that is known well; three angles that vary together move node 3 by itself."""
     beam = Element("b", H, 6.0, 10, BEAM, start="free")
