@@ -79,6 +79,7 @@ class Deviations:
     Attributes:
         length_m: of the design, along its axis.
         chord_m: between the working points as built.
+        specified_m: [N+1][3] nodes of the design with its precamber, in the element's frame.
         vertical: whether the design's chord is within 10 degrees of the vertical.
         joint: whether bands know how nodes vary together; else they are upper bounds.
         offset_m: w(s), offset of each node from the chord.
@@ -103,6 +104,7 @@ class Deviations:
 
     length_m: float
     chord_m: float
+    specified_m: Array
     vertical: bool
     joint: bool
     offset_m: Curve
@@ -192,6 +194,7 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     return Deviations(
         length_m=element.length_m,
         chord_m=chord_m,
+        specified_m=designed,
         vertical=is_vertical,
         joint=bands.joint is not None,
         offset_m=Curve(s_m, offset, _both(bands, relative, axes)),

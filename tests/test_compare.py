@@ -263,6 +263,16 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path, capsys: pyt
     assert whole["elements"][0]["verdict"] == "moved" and len(whole["elements"][0]["displacement_m"]) == 11
 
 
+def test_results_are_matched_by_the_globalid_in_them(tmp_path: Path, straight: FitResult) -> None:
+    for epoch_name, stem in (("a", "G"), ("b", "g~1")):
+        write_result(straight, tmp_path / epoch_name / "elements" / f"{stem}.json", {"guid": "g"})
+    (m,) = compare(tmp_path / "a", tmp_path / "b").elements
+    assert (m.key, m.verdict) == ("g", "not moved")
+    write_result(straight, tmp_path / "b" / "elements" / "other.json", {"guid": "g"})
+    with pytest.raises(CompareError, match="second result of g"):
+        compare(tmp_path / "a", tmp_path / "b")
+
+
 def test_single_results_of_any_name_are_compared(tmp_path: Path, straight: FitResult, capsys) -> None:
     files = [write_result(straight, tmp_path / name) for name in ("before.json", "after.json")]
     assert main(["compare", *map(str, files)]) == 0

@@ -84,7 +84,7 @@ def verdicts(
         result: of a fit.
         profile: the tolerances.
         conditions: what only the person knows.
-        found: the result's deviations without a precamber, where the caller has them already.
+        found: the result's deviations with the precamber of the conditions, where the caller has them already.
 
     Raises:
         LinearIkError: the member's ends coincide.
@@ -92,7 +92,7 @@ def verdicts(
     known = conditions or Conditions()
     if result.status == "not_scanned":
         found = None
-    elif found is None or known.precamber_m:
+    elif found is None:
         found = deviations(result, precamber_m=known.precamber_m or 0.0)
     return tuple(_verdict(result, found, profile, clause, known) for clause in profile.clauses)
 
