@@ -116,7 +116,8 @@ def align(
     if not (design.members or any(len(o.triangles) for o in design.obstacles)):
         raise LinearIkError(design.source, "has no bodies", "members or obstacles to lay a scan on")
     say("reading", 0.0)
-    points, voxel_m = thin(_parts(scans), VOXEL_M)
+    thinned = thin(_parts(scans), VOXEL_M)
+    points, voxel_m = thinned.points(), thinned.voxel_m
     target = Target(design)
     # Single precision comes later: both clouds about origins of their own.
     centre = np.round((points.min(axis=0) + points.max(axis=0)) / 2)
@@ -160,6 +161,9 @@ def align(
     held, direction = freedom(target, local, best)
     tilt_deg = float(np.degrees(np.arccos(np.clip(best[2, 2], -1.0, 1.0))))
     status, reasons = _judge(q, [other for other, _ in others], held, direction, tilt_deg, levelled)
+    if thinned.dropped:
+        far = f"Points left out, more than {thinned.reach_km:.0f} km from the others: {thinned.dropped:,}."
+        reasons = (*reasons, far)
 
     def in_model(T: Array) -> Array:
         out = T.copy()

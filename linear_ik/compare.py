@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import os
 from collections.abc import Callable, Mapping
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 from pathlib import Path
 from typing import Literal, get_args
 
@@ -13,7 +13,7 @@ import numpy.typing as npt
 
 from linear_ik.common_shift import FEWEST, CommonShift, common_shift
 from linear_ik.errors import LinearIkError, SettingsError
-from linear_ik.exports.result_json import read_result
+from linear_ik.exports.result_json import read_result_with_guid
 from linear_ik.movement import Movement, judge, movement, with_displacement
 from linear_ik.result import FitResult
 
@@ -64,7 +64,8 @@ def compare(
 
     Args:
         before: a folder of results (``elements/*.json``), one result file, results by GlobalId, or one result.
-        after: the same of the later epoch; elements are matched by file name, two single results with each other.
+        after: the same of the later epoch; elements are matched by the GlobalId in their files, else by file
+            name, two single results with each other.
         level: of significance, 0 to 1.
         correction: for the number of elements, see `Comparison`.
         relevant_m: an element whose 95 % band across reaches farther and that shows no movement is inconclusive.
@@ -72,7 +73,7 @@ def compare(
         on_file: called with each file that is read.
 
     Raises:
-        CompareError: a folder without results, no element in common.
+        CompareError: a folder without results, or with two of one element; no element in common.
         ResultError: a file that is no result.
         SettingsError: a level or length out of its range, too few elements for their common shift.
     """
@@ -131,11 +132,18 @@ def _results(source: Source, on_file: Callable[[Path], None] | None) -> dict[str
         paths = sorted((path / "elements").glob("*.json"))
         if not paths:
             raise CompareError(path, "holds no elements/*.json", "a folder that linear-ik fit wrote, or a result file")
-    out = {}
+    out: dict[str, FitResult] = {}
     for file in paths:
         if on_file is not None:
             on_file(file)
-        out[file.stem] = read_result(file)
+        result, guid = read_result_with_guid(file)
+        # Of a building's results the histories and the joint covariances would take most of the memory.
+        light = replace(result, history=(), configuration_covariance=None)
+        # Names of files are not the GlobalIds where a file system takes no difference between A and a.
+        key = guid or file.stem
+        if key in out:
+            raise CompareError(file, f"is a second result of {key}", "one result an element")
+        out[key] = light
     return out
 
 

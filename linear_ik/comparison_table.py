@@ -28,6 +28,7 @@ NODES = {
 COLUMNS = (
     "key", "name", "verdict", "largest_m", "largest_band95_m", "largest_node", "largest_along_m", "largest_across_m",
     "largest_x_m", "largest_y_m", "largest_z_m", "p_value", "p_adjusted", "status_before", "status_after", "reasons",
+    "unseen_along_m", "unseen_across_m", "nodes", "nodes_not_tested",
 )  # fmt: skip
 
 
@@ -90,15 +91,21 @@ def comparison_lines(comparison: Comparison, most: int | None = None) -> list[st
     """Return a table of the elements, the most significant first, and what it stands on."""
     counts = Counter(m.verdict for m in comparison.elements)
     total = len(comparison.elements)
+    seen = counts["not moved where seen"]
+    where_seen = f"{seen} not moved where seen, " if seen else ""
     lines = [
-        f"{counts['moved']} of {total} moved, {counts['not moved']} not moved, {counts['inconclusive']} inconclusive",
+        f"{counts['moved']} of {total} moved, {counts['not moved']} not moved, {where_seen}"
+        f"{counts['inconclusive']} inconclusive",
         f"level {100 * comparison.level:g} %: {NODES[comparison.correction]}",
         _shift_line(comparison.shift, comparison.shift_removed),
         "",
     ]
     shown = comparison.elements[:most]
+    first = max(len(v) for v in ("inconclusive", *(m.verdict for m in shown)))
     width = max([7, *(len(_label(m)) for m in shown)])
-    lines.append(f"{'verdict':<12}  {'element':<{width}}  {'largest mm':>17}  {'along':>7}  {'across':>7}  {'p':>8}")
+    lines.append(
+        f"{'verdict':<{first}}  {'element':<{width}}  {'largest mm':>17}  {'along':>7}  {'across':>7}  {'p':>8}"
+    )
     for m in shown:
         if m.tested:
             k = m.largest
@@ -108,8 +115,8 @@ def comparison_lines(comparison: Comparison, most: int | None = None) -> list[st
             )
         else:
             figures = f"{'-':>17}  {'-':>7}  {'-':>7}  {'-':>8}"
-        why = "  " + " ".join(m.reasons) if m.reasons else ""
-        lines.append(f"{m.verdict:<12}  {_label(m):<{width}}  {figures}{why}")
+        why = "  " + " ".join([*m.limits, *m.reasons]) if m.limits or m.reasons else ""
+        lines.append(f"{m.verdict:<{first}}  {_label(m):<{width}}  {figures}{why}")
     if len(shown) < total:
         lines.append(f"... and {total - len(shown)} more")
     return lines
@@ -153,6 +160,10 @@ def _row(m: Movement) -> dict[str, Any]:
         "status_before": m.statuses[0],
         "status_after": m.statuses[1],
         "reasons": " ".join(m.reasons),
+        "unseen_along_m": m.along_band_m,
+        "unseen_across_m": m.across_band_m,
+        "nodes": len(m.seen),
+        "nodes_not_tested": m.not_tested if m.tested else len(m.seen),
     }
     return {key: None if isinstance(v, float) and not math.isfinite(v) else v for key, v in row.items()}
 

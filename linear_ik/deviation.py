@@ -12,6 +12,9 @@ its variance is ``sum_ab c_a c_b e' C_ab e`` with the covariance C_ab between no
 ``C = A S A'`` of the result's ``configuration_covariance`` S. A result without that one gets
 the largest deviation that the nodes' own covariances allow, ``sum_a |c_a| sqrt(e' C_aa e)``:
 wider, never too narrow.
+
+The largest figure f_k of several has the band ``max(f_k + U_k) - max(f_k)``, with the bands U_k of
+all of them: none reaches beyond it.
 """
 
 from __future__ import annotations
@@ -30,7 +33,7 @@ Array = npt.NDArray[np.float64]
 
 VERTICAL_RAD = np.radians(10.0)  # of the design's chord: within it a member is a column
 UP = (0.0, 0.0, 1.0)
-LARGEST = "the largest of all nodes, with the band at that node: noise alone makes it more than 0"
+LARGEST = "the largest of all nodes, its band as far as any node's reaches: noise alone makes it more than 0"
 
 
 @dataclass(frozen=True)
@@ -76,11 +79,13 @@ class Deviations:
     Attributes:
         length_m: of the design, along its axis.
         chord_m: between the working points as built.
+        specified_m: [N+1][3] nodes of the design with its precamber, in the element's frame.
         vertical: whether the design's chord is within 10 degrees of the vertical.
         joint: whether bands know how nodes vary together; else they are upper bounds.
         offset_m: w(s), offset of each node from the chord.
         departure_m: offset of each node from its designed place, across the designed axis.
-        slope_rad: of each segment against the chord, w'(s).
+        departure_band_m: [N+1] half-width of the 95 % band of its length, along it; of none, the widest.
+        slope_rad: angle of each segment against the chord, arcsin w'(s).
         curvature_1_m: at each inner node, w''(s).
         bow_m: largest offset from the chord, in any direction.
         sag_m: largest vertical offset from the chord, downwards positive; not for verticals.
@@ -99,10 +104,12 @@ class Deviations:
 
     length_m: float
     chord_m: float
+    specified_m: Array
     vertical: bool
     joint: bool
     offset_m: Curve
     departure_m: Curve
+    departure_band_m: Array
     slope_rad: Curve
     curvature_1_m: Curve
     bow_m: Figure
@@ -163,9 +170,16 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     offset[[0, -1]] = 0.0  # but for rounding
     step = np.diff(np.eye(n + 1), axis=0) / element.segment_length_m
     bend = np.diff(step, axis=0) / element.segment_length_m
-    slope, curvature = step @ offset, bend @ offset
+    curvature = bend @ offset
+    # The steps across the chord are sines: their length's arcsine is the angle, its slope 1 / cosine.
+    sine = step @ offset
+    size = np.minimum(np.linalg.norm(sine, axis=1), 1.0)
+    slope = sine * np.where(size > 0.0, np.arcsin(size) / np.maximum(size, 1e-300), 1.0)[:, None]
     sections = np.concatenate([element.design.rotations, element.design.rotations[-1:]])[:, :, :2].transpose(0, 2, 1)
     departure = np.einsum("kij,kj->ki", sections, nodes - designed)
+    departures = np.einsum("kij,ki->kj", sections, departure)
+    each = np.eye(n + 1)
+    own = [_length(bands, each[k : k + 1], departures[k], sections[k]).band or 0.0 for k in range(n + 1)]
 
     ends = np.zeros((1, n + 1))
     ends[0, 0], ends[0, -1] = -1.0, 1.0
@@ -174,18 +188,18 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     lean = (nodes[-1] - nodes[0]) - (designed[-1] - designed[0])
     lean = lean - (lean @ vertical) * vertical
     no_plumb = Figure(None, None, None, "not near vertical by design")
-    slopes = step @ relative
+    slopes = step @ relative / np.maximum(np.sqrt(1.0 - size**2), 1e-9)[:, None]
     twist = twist_rad(result.q) - twist_rad(element.design.angles_rad[:, ::-1].ravel())
     sag, sweep, camber = _vertical_and_sideways(bands, relative, offset @ axes, chord, vertical, is_vertical)
     return Deviations(
         length_m=element.length_m,
         chord_m=chord_m,
+        specified_m=designed,
         vertical=is_vertical,
         joint=bands.joint is not None,
         offset_m=Curve(s_m, offset, _both(bands, relative, axes)),
-        departure_m=Curve(
-            s_m, departure, np.stack([bands.of_rows(np.eye(n + 1), sections[:, i]) for i in (0, 1)], axis=-1)
-        ),
+        departure_m=Curve(s_m, departure, np.stack([bands.of_rows(each, sections[:, i]) for i in (0, 1)], axis=-1)),
+        departure_band_m=np.array(own),
         slope_rad=Curve((s_m[1:] + s_m[:-1]) / 2, slope, _both(bands, slopes, axes)),
         curvature_1_m=Curve(s_m[1:-1], curvature, _both(bands, bend @ relative, axes)),
         bow_m=_largest(bands, relative, offset @ axes, axes, LARGEST),
@@ -195,9 +209,7 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
         out_of_plumb_m=_length(bands, ends, lean, _across(vertical)) if is_vertical else no_plumb,
         twist_rad=_twist(result, twist),
         end_displacement_m=_length(bands, last, nodes[-1] - designed[-1], np.eye(3), node=n),
-        departure_max_m=_largest(
-            bands, np.eye(n + 1), np.einsum("kij,ki->kj", sections, departure), sections[0], LARGEST
-        ),
+        departure_max_m=_largest(bands, each, departures, sections[0], LARGEST),
         slope_max_rad=_largest(bands, slopes, slope @ axes, axes, LARGEST.replace("node", "segment"), first=1),
         curvature_max_1_m=_largest(bands, bend @ relative, curvature @ axes, axes, LARGEST, first=1),
         length_change_m=Figure(
@@ -252,8 +264,15 @@ def _largest(bands: Bands, rows: Array, vectors: Array, axes: Array, note: str, 
     free = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > 1e-9)
     if not len(free):
         return Figure(None, None, None, "one segment cannot bend")
-    k = int(free[np.linalg.norm(vectors[free], axis=1).argmax()])
-    return _length(bands, rows[k : k + 1], vectors[k], axes, k + first, note)
+    figures = [_length(bands, rows[k : k + 1], vectors[k], axes, int(k) + first, note) for k in free]
+    value, reach = np.array([_value_and_reach(figure) for figure in figures]).T
+    # A node that is less far out but less well known may be the farthest: the limit must hold for it too.
+    return replace(figures[int(value.argmax())], band=float(reach.max() - value.max()))
+
+
+def _value_and_reach(figure: Figure) -> tuple[float, float]:
+    assert figure.value is not None and figure.band is not None
+    return figure.value, figure.value + figure.band
 
 
 def _length(bands: Bands, row: Array, vector: Array, axes: Array, node: int | None = None, note: str = "") -> Figure:

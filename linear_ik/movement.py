@@ -8,6 +8,10 @@ nodes, p = 1 - (1 - min p_k)^M, needs no more: for centred normal distributions 
 that all of several ellipsoids hold is at least the product of each one's, however they correlate
 (Royen's Gaussian correlation inequality), so that p is never too small. Nodes that no measured
 segment touches, in either epoch, are shown and not tested.
+
+"Not moved" is a statement with limits: how far an element may have slid along its axis, which
+surfaces hardly show, and how many of its nodes nobody looked at. Where either matters the verdict
+is "not moved where seen".
 """
 
 from __future__ import annotations
@@ -23,7 +27,7 @@ from linear_ik.assessment import BENDING_NOT_SHOWN, INFERRED, NOT_SCANNED, PLACE
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
-Verdict = Literal["moved", "not moved", "inconclusive"]
+Verdict = Literal["moved", "not moved", "not moved where seen", "inconclusive"]
 
 BAND_95 = 1.959964  # two-sided 95 % of a normal distribution
 # Held nodes have no variance of their own; no scan tells a hundredth of a millimetre.
@@ -41,7 +45,8 @@ class Movement:
     Attributes:
         key: what the two results have in common: the GlobalId, or the element's name.
         name: of the element.
-        verdict: moved | not moved | inconclusive.
+        verdict: moved | not moved | not moved where seen (some nodes were not tested, or the band along
+            the axis is wider than what is relevant) | inconclusive.
         reasons: plain sentences: why it is inconclusive, and what else the reader should know.
         statuses: of the two fits; "absent" where an epoch has none.
         doubtful: whether a fit may be wrong in a way that its covariance does not carry.
@@ -106,6 +111,30 @@ class Movement:
         return BAND_95 * float(
             np.sqrt(np.linalg.norm(across @ self.covariance_m2 @ across, 2, axis=(1, 2))[self.seen].max())
         )
+
+    @property
+    def along_band_m(self) -> float:
+        """Half-width of the widest 95 % band along the member, over the nodes seen: what would stay unseen."""
+        if not self.tested:
+            return float("nan")
+        along = _directions(self.nodes_m)
+        variance = np.einsum("ki,kij,kj->k", along, self.covariance_m2, along)
+        return BAND_95 * float(np.sqrt(np.maximum(variance[self.seen].max(), 0.0)))
+
+    @property
+    def not_tested(self) -> int:
+        """How many of its nodes no measured segment touches in both epochs; 0 where the element was not tested."""
+        return int((~self.seen).sum()) if self.tested else 0
+
+    @property
+    def limits(self) -> tuple[str, ...]:
+        """Sentences on what would not be seen; none for elements that moved or were not tested."""
+        if not self.verdict.startswith("not moved"):
+            return ()
+        said = [f"Along the axis a movement below {1000 * self.along_band_m:.1f} mm would not be seen."]
+        if self.not_tested:
+            said.append(f"{self.not_tested} of {len(self.seen)} nodes not tested.")
+        return tuple(said)
 
 
 def movement(key: str, before: FitResult | None, after: FitResult | None) -> Movement:
@@ -192,7 +221,8 @@ def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> M
         of: the movement.
         p_adjusted: its p-value, corrected for the number of elements.
         level: of significance.
-        relevant_m: a movement across the member that must not stay unseen where it says "not moved".
+        relevant_m: a movement that must not stay unseen where it says "not moved"; "not moved where seen"
+            promises it only across the member, at the nodes that were tested.
     """
     if not of.tested:
         return of
@@ -207,6 +237,8 @@ def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> M
     elif of.across_band_m > relevant_m:
         verdict = "inconclusive"
         reasons.append(f"Its band reaches {1000 * of.across_band_m:.1f} mm: more than {1000 * relevant_m:g} mm.")
+    elif of.not_tested or of.along_band_m > relevant_m:
+        verdict = "not moved where seen"
     else:
         verdict = "not moved"
     return replace(of, verdict=verdict, reasons=tuple(reasons), p_adjusted=p_adjusted)

@@ -142,12 +142,29 @@ def test_one_column_alone_slides() -> None:
 
 def test_thinning_is_the_same_however_a_scan_is_cut_into_pieces() -> None:
     points = np.random.default_rng(6).uniform(-3, 3, (20_000, 3)) + [5e5, 5e6, 100]
-    whole, voxel_m = thin([points], 0.2)
-    pieces, _ = thin(np.array_split(points, 13), 0.2)
-    np.testing.assert_array_equal(whole, pieces)
-    cells = np.floor((whole - np.floor(points[0])) / 0.2)
-    assert voxel_m == 0.2 and len(np.unique(cells, axis=0)) == len(whole)
+    thinned = thin([points], 0.2)
+    whole = thinned.points()
+    np.testing.assert_array_equal(whole, thin(np.array_split(points, 13), 0.2).points())
+    cells = np.floor(whole / 0.2)
+    assert thinned.voxel_m == 0.2 and len(np.unique(cells, axis=0)) == len(whole)
     assert (whole[:, None] == points[None, :50]).all(axis=2).any()  # real points, not means
+
+
+def test_strays_far_away_are_dropped_and_counted() -> None:
+    """A scanner writes (0, 0, 0) for a pulse that did not come back; the map's origin is 5000 km away."""
+    points = np.random.default_rng(7).uniform(-3, 3, (5000, 3)) + [5e5, 5e6, 100]
+    thinned = thin([np.concatenate([np.zeros((1, 3)), points]), np.zeros((2, 3))], 0.2)
+    np.testing.assert_array_equal(thinned.points(), thin([points], 0.2).points())
+    assert thinned.dropped == 3
+    with pytest.raises(ScanError, match="5,000 of 5,010 points lie more than 210 km from"):
+        thin([np.zeros((10, 3)), points], 0.2)
+
+
+def test_a_point_at_the_origin_of_the_map_does_not_stop_an_alignment() -> None:
+    T = motion(2, 400_000.0)
+    found = align(frame(), np.concatenate([np.zeros((1, 3)), moved(scan_of(frame(), 2, bent=2), T)]))
+    assert found.status == "aligned" and error(found, T)[0] < 0.002
+    assert found.reasons == ("Points left out, more than 31 km from the others: 1.",)
 
 
 def test_voxels_grow_when_there_are_too_many() -> None:

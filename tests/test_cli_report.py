@@ -56,6 +56,41 @@ def test_report_is_not_written_over_what_it_reads(folder, capsys):
     assert not (folder / "r.html").exists()
 
 
+def test_no_part_of_a_run_is_written_over(folder, here, capsys):
+    run = here / "run"
+    (run / "elements").mkdir(parents=True)
+    (run / "elements" / "a.json").write_bytes((folder / "result.json").read_bytes())
+    (run / "run.json").write_text("{}")
+    before = {path: path.read_bytes() for path in run.rglob("*") if path.is_file()}
+    names = (
+        "run.json",
+        "elements.csv",
+        "asbuilt.ifc",
+        "RUN.json",
+        "deviation.e57",
+        "elements/b.html",
+        "elements/a.json",
+    )
+    for name in names:
+        assert main(["report", "run", "-o", f"run/{name}"]) == 2
+        assert "belongs to the results in run" in capsys.readouterr().err
+    for name in ("run/elements.csv", "run/run.json"):
+        assert main(["compare", "run", "run", "-o", name]) == 2
+        assert "belongs to the results in run" in capsys.readouterr().err
+    assert {path: path.read_bytes() for path in run.rglob("*") if path.is_file()} == before
+    assert main(["report", "run", "-q", "-o", "run/report.html"]) == 0
+    assert main(["compare", "run", "run", "-q", "-o", "run/moved.csv"]) == 0
+    (here / "flat").mkdir()
+    (here / "flat" / "a.json").write_bytes((folder / "result.json").read_bytes())
+    assert main(["report", "flat", "-o", "flat/a.json"]) == 2
+
+
+def test_a_section_beside_the_element_is_one_line(folder, here, capsys):
+    assert main(["report", f"{folder}/result.json", "-o", "r.html", "--section", "99"]) == 2
+    out, err = capsys.readouterr()
+    assert not out and "--section: 99 (0 to " in err and not (here / "r.html").exists()
+
+
 def test_fit_judges(folder, here, capfd):
     options = ["--tolerances", "nsss", "--loading-state", "unloaded", "--precamber", "0"]
     assert fit_to(folder, "r.json", *options) == 0

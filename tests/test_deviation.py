@@ -15,10 +15,12 @@ from linear_ik.deviation_bands import BAND_95, Bands, twist_rad
 from linear_ik.element import Element, Placement
 from linear_ik.errors import LinearIkError
 from linear_ik.exports.result_json import read_result, write_result
+from linear_ik.model_fit.table import figures
 from linear_ik.profile import Circle, IShape
 from linear_ik.result import FitResult
 from linear_ik.settings import FitSettings
 from linear_ik.simulate import simulate
+from linear_ik.tolerances import Conditions, load_tolerances, verdicts
 
 # shapes worked by hand ------------------------------------------------------------------------
 
@@ -225,6 +227,46 @@ def test_the_configurations_covariance_is_the_nodes(tmp_path) -> None:
     assert deviations(again).bow_m == deviations(result).bow_m
 
 
+def test_a_slope_is_an_angle() -> None:
+    beam = Element("beam", H, 2.0, 2, BEAM)
+    angles = np.zeros((2, 3))
+    angles[:, 0] = 0.5, -1.0
+    d = deviations(posed(beam, angles))
+    assert d.slope_max_rad.value == pytest.approx(0.5, abs=1e-9)
+    assert d.slope_rad.xy[:, 1] == pytest.approx([-0.5, 0.5], abs=1e-9)
+
+
+def loosely_known_at_node_3() -> FitResult:
+    """A kink of 3.6 mm at node 5 that is known well; three angles that vary together move node 3 by itself."""
+    beam = Element("b", H, 6.0, 10, BEAM, start="free")
+    angles = np.zeros((10, 3))
+    angles[0, 0], angles[5, 0] = 0.0012, -0.0024
+    result = posed(beam, angles)
+    S, loose = np.zeros((36, 36)), np.zeros(36)
+    S[6:, 6:] = 1e-10 * np.eye(30)
+    loose[[14, 17, 20]] = 1.0, -2.0, 1.0  # about X at segments 3 to 5
+    S += 0.004**2 * np.outer(loose, loose)
+    A = Chain.of(beam).pose(np.concatenate([np.zeros(6), result.q])).node_jacobians()
+    R = beam.placement.T_world_element[:3, :3]
+    own = R @ np.einsum("kai,ij,kbj->kab", A, S, A) @ R.T
+    return replace(result, configuration_covariance=S, nodes_covariance_m2=own)
+
+
+def test_the_largest_is_as_uncertain_as_any_node_that_may_be_it() -> None:
+    """Node 3 is 2.16 +- 4.70 mm out, node 5 3.60 +- 0.05 mm: 6 mm are not proven."""
+    result = loosely_known_at_node_3()
+    d = deviations(result)
+    assert d.offset_m.xy[3, 1] == pytest.approx(-0.00216, rel=0.01) and d.offset_m.band[3, 1] > 0.004
+    assert d.bow_m.node == 5 and d.bow_m.value == pytest.approx(0.0036, rel=0.01)
+    assert d.offset_m.band[5].max() < 1e-4
+    for figure in (d.bow_m, d.sag_m):
+        assert abs(figure.value) + figure.band == pytest.approx(0.00216 + d.offset_m.band[3, 1], rel=0.01)
+    (verdict,) = verdicts(result, load_tolerances("nsss"), Conditions("unloaded", 0.0))
+    assert verdict.upper == pytest.approx(0.006) and verdict.outcome == "inconclusive"
+    row = figures(result)
+    assert row["max_offset_mm"] + row["max_offset_band95_mm"] > 6.0
+
+
 SEEDS = 80
 
 
@@ -251,10 +293,15 @@ def test_coverage_of_the_bands(placement: Placement) -> None:
         true = getattr(truth, name).value
         return float(np.mean([abs(getattr(d, name).value - true) <= getattr(d, name).band for d in found]))
 
+    ratio: dict[str, float] = {}
     names = ["bow_m", "end_displacement_m", "departure_max_m", "twist_rad"]
     names += ["sag_m"] if placement is BEAM else ["out_of_plumb_m"]
     for name in names:
-        assert 0.88 <= share(name) <= 1.0, name
+        assert 0.88 <= share(name), name
+        # A band that is too wide holds the truth too: it must be that of the scatter.
+        scatter = BAND_95 * np.std([getattr(d, name).value for d in found])
+        ratio[name] = scatter / np.mean([getattr(d, name).band for d in found])
+        assert 0.75 <= ratio[name] <= 1.25, (name, ratio)
     for curve in ("offset_m", "departure_m", "slope_rad"):
         inside = np.array(
             [np.abs(getattr(d, curve).xy - getattr(truth, curve).xy) <= getattr(d, curve).band for d in found]
@@ -266,5 +313,7 @@ def test_coverage_of_the_bands(placement: Placement) -> None:
 def test_what_a_straight_member_shows() -> None:
     """The largest of many is above nothing for a straight member: below straight_bow_m in about 95 %."""
     found, _ = fits(Element("e", H, 3.0, 8, BEAM), np.zeros((8, 3)))
-    below = np.mean([d.bow_m.value <= d.straight_bow_m for d in found])
-    assert 0.88 <= below <= 1.0
+    bows, bounds = (np.array(v) for v in zip(*[(d.bow_m.value, d.straight_bow_m) for d in found], strict=True))
+    assert 0.88 <= np.mean(bows <= bounds)
+    # Their own 95 % point, of 80 a rough one and here 0.73 of the bound: a bound far above it would hold too.
+    assert 0.65 <= np.quantile(bows, 0.95) / bounds.mean() <= 1.25

@@ -20,7 +20,7 @@ from posed import BEAM, COLUMN, H, bent, posed
 
 import linear_ik
 from linear_ik.element import Element, Placement
-from linear_ik.errors import ToleranceError
+from linear_ik.errors import SettingsError, ToleranceError
 from linear_ik.exports.result_json import ResultError, write_result
 from linear_ik.profile import CircleHollow, IShape
 from linear_ik.report import Run, judged_member, read_run, render, write_report
@@ -184,6 +184,48 @@ def test_limits_are_drawn_where_they_are_near() -> None:
     assert page.count('<path class="limit"') == 2
 
 
+def test_limits_that_do_not_hold_are_not_drawn() -> None:
+    beam = posed(Element("b", H, 4.0, 8, BEAM), bent(Element("b", H, 4.0, 8, BEAM), 1, 0.002))
+    member = judged_member(beam, load_tolerances("nsss"), Conditions("unloaded", 0.0))
+    for changes in ({"outcome": "not_applicable"}, {"verified_by": None, "outcome": "inconclusive"}):
+        changed = replace(member, verdicts=tuple(replace(v, **changes) for v in member.verdicts))
+        assert 'class="limit"' not in render(Run("r", (changed,)))
+
+
+def test_figures_and_verdicts_are_against_one_shape() -> None:
+    """Specified with a precamber of 15 mm and built straight: 15 mm off, in the figures as in the verdict."""
+    member = judged_member(
+        posed(Element("b", H, 6.0, 10, BEAM), np.zeros((10, 3))), load_tolerances("nsss"), Conditions("unloaded", 0.015)
+    )
+    assert member.verdicts[0].value == member.deviations.bow_m.value == pytest.approx(0.015)
+    assert "15.0" in figure_rows(member.deviations)[0]["text"]
+
+
+def test_a_band_that_is_not_known_is_left_out_and_said() -> None:
+    member = judged_member(leaning(0.002))
+    curve = member.deviations.offset_m
+    assert curve_plot(curve, 3.0, "w", member.result.segments).count('class="band') == 2
+    band = curve.band.copy()
+    band[3, 0] = np.nan
+    plot = curve_plot(replace(curve, band=band), 3.0, "w", member.result.segments)
+    assert plot.count('class="band x"') == 2 and plot.count('class="band y"') == 1
+    assert "band not known at 1 of 7 nodes" in plot
+    unknown = replace(member.deviations, offset_m=replace(curve, band=np.full_like(curve.band, np.inf)))
+    page = render(Run("r", (replace(member, deviations=unknown),)))
+    assert "band not known at 7 of 7 nodes" in page and "without the 95 % bands that are not known" in page
+
+
+def test_a_result_is_that_of_the_globalid_in_it(tmp_path: Path) -> None:
+    """Not of its file's name: that may be another where file systems take no difference between A and a."""
+    folder = write_run(tmp_path, 3)
+    old, new = folder / "elements" / "0AbC$d_00.json", folder / "elements" / "0AbC$d_00~1.json"
+    new.write_text(json.dumps({**json.loads(old.read_text()), "guid": "0AbC$d_00"}))
+    old.unlink()
+    run = read_run(folder)
+    assert [(m.key, m.tag) for m in run.members][0] == ("0AbC$d_00", "C-0") and len(run.members) == 3
+    assert [row["guid"] for row in run.unfitted] == ["plate", "rail"]
+
+
 def test_names_are_escaped_and_nothing_is_fetched(tmp_path: Path) -> None:
     result = leaning(0.001, NASTY)
     about = {"tag": NASTY, "ifc_class": NASTY, "profile": NASTY}
@@ -272,9 +314,20 @@ def test_a_scan_in_other_coordinates_is_moved_to_the_results(tmp_path: Path) -> 
 
 def test_sections_are_where_they_are_asked_for() -> None:
     member = judged_member(leaning(0.002))
-    for asked, shown in (((0.4, 2.9, 7.0), ["0.40", "2.90"]), ((9.0,), ["0.75", "1.50", "2.25"])):
+    for asked, shown in (((2.9, 0.4), ["0.40", "2.90"]), ((), ["0.75", "1.50", "2.25"])):
         page = render(Run("r", (member,)), None, asked)
         assert re.findall(r"section at ([\d.]+) m", page) == shown
+
+
+def test_a_section_on_no_member_is_an_error_and_on_some_members_is_not() -> None:
+    short = posed(Element("short", H, 1.0, 2, BEAM), np.zeros((2, 3)))
+    run = Run("r", (judged_member(leaning(0.002)), judged_member(short)))
+    page = render(run, None, (2.5,))
+    assert re.findall(r"section at ([\d.]+) m", page) == ["2.50"]
+    assert "None of the places asked for is on this element, which is 1.00 m long." in page
+    for wrong in (9.0, -0.1, float("nan")):
+        with pytest.raises(SettingsError, match="0 to 3.000 m"):
+            render(run, None, (0.4, wrong))
 
 
 def test_conditions_of_each(tmp_path: Path) -> None:
@@ -282,6 +335,8 @@ def test_conditions_of_each(tmp_path: Path) -> None:
     each = {"C-0": Conditions("unloaded"), "0AbC$d_01": Conditions("loaded")}
     run = read_run(folder, nsss, ConditionsOfEach(Conditions("self_weight"), each))
     assert [m.verdicts[0].loading_state for m in run.members] == ["unloaded", "loaded", "self_weight"]
+    for known in ("plate", "Plate", "rail", "Rail"):  # without a result, but of the building
+        read_run(folder, nsss, ConditionsOfEach(named={known: Conditions()}))
     with pytest.raises(ToleranceError, match="no element 'C-9'"):
         read_run(folder, nsss, ConditionsOfEach(named={"C-9": Conditions()}))
 

@@ -12,9 +12,9 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from posed import BEAM, COLUMN, H, posed
 
-from linear_ik.element import Element
+from linear_ik.element import Element, Placement
 from linear_ik.errors import SettingsError, ToleranceError
-from linear_ik.profile import Circle
+from linear_ik.profile import Circle, LShape, Profile, Rectangle
 from linear_ik.result import FitResult
 from linear_ik.tolerances import (
     Conditions,
@@ -156,6 +156,12 @@ def test_level_of_accuracy(spread_mm: float, level: str) -> None:
     assert (a.level, a.measured_m) == (level, pytest.approx(spread_mm / 1e3, rel=1e-3))
 
 
+@pytest.mark.parametrize("status", ["uncertain", "max_iterations"])
+def test_a_fit_in_doubt_has_no_level(status: str) -> None:
+    assert level_of_accuracy(kinked(4.0, 0.0, surface_rmse_m=0.001)).level == "LOA40"
+    assert level_of_accuracy(kinked(4.0, 0.0, surface_rmse_m=0.001, status=status)).level is None
+
+
 def test_beyond_the_coarsest_there_is_no_level() -> None:
     assert level_of_accuracy(kinked(4.0, 0.0, surface_rmse_m=0.2)).level is None
     assert level_of_accuracy(kinked(4.0, 0.0, surface_rmse_m=math.nan)).level is None
@@ -177,6 +183,36 @@ def test_own_weight_sags_and_does_not_sweep() -> None:
     for state in (None, "loaded"):
         v = judged(kinked(4.0, 0.010, axis=1), "nsss", Conditions(state))
         assert v.outcome == "inconclusive" and "loaded" in v.reason
+
+
+def swept(profile: Profile, roll_rad: float) -> Verdict:
+    """10 mm out of line to the side, under own weight."""
+    side = (0.0, math.cos(roll_rad), math.sin(roll_rad))
+    beam = Element("beam", profile, 4.0, 2, Placement((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), side))
+    turn = math.asin(0.005)
+    angles = np.outer([-1.0, 2.0], [turn * math.sin(roll_rad), turn * math.cos(roll_rad), 0.0])
+    return judged(posed(beam, angles, EXACT), "nsss", Conditions("self_weight"))
+
+
+@pytest.mark.parametrize(
+    ("profile", "roll_deg", "outcome"),
+    [
+        (H, 0.0, "fail"),
+        (H, 90.0, "fail"),
+        (H, 20.0, "inconclusive"),
+        (Rectangle(0.1, 0.1), 20.0, "fail"),
+        (Circle(0.1), 20.0, "fail"),
+        (LShape(0.1, 0.1, 0.01), 0.0, "inconclusive"),
+        (LShape(0.1, 0.1, 0.01), 45.0, "fail"),
+    ],
+)
+def test_own_weight_sweeps_sections_without_a_vertical_principal_axis(
+    profile: Profile, roll_deg: float, outcome: str
+) -> None:
+    verdict = swept(profile, math.radians(roll_deg))
+    assert verdict.value == pytest.approx(0.010, rel=0.01)
+    assert verdict.outcome == outcome
+    assert ("principal axis" in verdict.reason) == (outcome == "inconclusive")
 
 
 def test_a_specified_precamber_is_no_imperfection() -> None:

@@ -12,7 +12,7 @@ from linear_ik.errors import ScanError
 Array = npt.NDArray[np.float64]
 
 MOST_POINTS = 400_000
-# Voxels each way from the first point; three of them make one 63-bit number.
+# Voxels each way from the middle of the first piece; three of them make one 63-bit number.
 REACH = 1 << 20
 
 
@@ -23,11 +23,14 @@ class Thinner:
 
     Attributes:
         voxel_m: edge of a voxel, as grown.
+        dropped: points too far from the middle of the first piece to be numbered: strays.
     """
 
     def __init__(self, voxel_m: float, most: int = MOST_POINTS) -> None:
         """Start with voxels of ``voxel_m``, and keep at most ``most`` points."""
         self.voxel_m = voxel_m
+        self.dropped = 0
+        self._taken = 0
         self._most = most
         self._origin = np.full(3, np.nan)
         self._keys = np.empty(0, dtype=np.int64)
@@ -38,8 +41,11 @@ class Thinner:
         if not len(points):
             return
         if np.isnan(self._origin).any():
-            self._origin = np.floor(points[0])
+            # Not the first point: scanners write (0, 0, 0) for a pulse that did not come back.
+            self._origin = np.floor(np.median(points, axis=0))
         keys, near = self._keys_of(points)
+        self._taken += len(points)
+        self.dropped += int((~near).sum())
         self._keep(np.concatenate([self._keys, keys]), np.concatenate([self._points, points[near]]))
         while len(self._points) > self._most:
             self.voxel_m *= 1.5
@@ -50,14 +56,23 @@ class Thinner:
         """Return the points kept [P][3], metres.
 
         Raises:
-            ScanError: there are none.
+            ScanError: there are none, or most lie too far from the first piece.
         """
+        if 2 * self.dropped > self._taken:
+            far = f"{self.dropped:,} of {self._taken:,} points lie more than {self.reach_km:.0f} km from the first ones"
+            raise ScanError("scan", far, "a scan of one place")
         if not len(self._points):
             raise ScanError("scan", "no point with finite coordinates", "at least one")
         return self._points
 
+    @property
+    def reach_km(self) -> float:
+        """How far from the middle of the first piece points are taken."""
+        return REACH * self.voxel_m / 1000.0
+
     def _keys_of(self, points: Array) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
-        cells = np.floor((points - self._origin) / self.voxel_m)
+        # Voxels are counted from zero, so that they are the same wherever the origin of the numbers is.
+        cells = np.floor(points / self.voxel_m) - np.floor(self._origin / self.voxel_m)
         near = np.asarray((np.abs(cells) < REACH).all(axis=1))
         x, y, z = (cells[near].astype(np.int64) + REACH).T
         return np.asarray((x << 42) | (y << 21) | z), near
@@ -67,13 +82,14 @@ class Thinner:
         self._points = points[first]
 
 
-def thin(parts: Iterable[Array], voxel_m: float, most: int = MOST_POINTS) -> tuple[Array, float]:
-    """Return some of the points of all parts [P][3], and the voxel they are one in.
+def thin(parts: Iterable[Array], voxel_m: float, most: int = MOST_POINTS) -> Thinner:
+    """Return a thinner that has taken all parts [P][3].
 
     Raises:
-        ScanError: no points.
+        ScanError: no points, or most lie too far from the first part.
     """
     thinner = Thinner(voxel_m, most)
     for part in parts:
         thinner.add(part)
-    return thinner.points(), thinner.voxel_m
+    thinner.points()
+    return thinner

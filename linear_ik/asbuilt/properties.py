@@ -72,7 +72,7 @@ class PropertySets:
                 if number is not None and math.isfinite(number):
                     values.append(self._quantity(name + suffix, number, field))
         departures = self._draft.lengths([math.hypot(*row) for row in figures.departure_m.xy])
-        bands = self._draft.lengths([math.hypot(*row) for row in figures.departure_m.band])
+        bands = self._draft.lengths(list(figures.departure_band_m))
         return [
             *values,
             self._list("NodeDepartures", departures),

@@ -56,7 +56,7 @@ def compare(
     """Read both epochs, compare, print."""
     target = None
     if output is not None:
-        target = check_output(output, [p for p in (before, after) if not p.is_dir()])
+        target = check_output(output, [before, after])
 
     from linear_ik.compare import compare as compare_epochs
     from linear_ik.comparison_table import check_table_format, comparison_lines, write_comparison

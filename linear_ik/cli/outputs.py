@@ -9,6 +9,8 @@ from pathlib import Path
 
 from linear_ik.errors import OutputError
 
+# What a run's folder holds: `fit` of a model wrote it, and other verbs read it.
+OF_A_RUN, FOLDER_OF_A_RUN, ENDINGLESS_OF_A_RUN = ("run.json", "elements.csv", "asbuilt.ifc"), "elements", "deviation"
 STDOUT = ("-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 
@@ -22,7 +24,7 @@ def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path]
 
     Args:
         path: as the person typed it.
-        inputs: files that are read, and so are not to be replaced.
+        inputs: files that are read, and so are not to be replaced; of a folder, what a run leaves in it.
         others: the verb's other outputs.
 
     Raises:
@@ -38,6 +40,8 @@ def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path]
         for other in inputs:
             if _same(target, other):
                 raise OutputError(path, "is one of the files that are read", "another file name")
+            if _belongs_to_run(target, other):
+                raise OutputError(path, f"belongs to the results in {other}", "another file name, or another folder")
         for other in others:
             if _same(target, other):
                 raise OutputError(path, "is given for two outputs", "a file name of its own for each")
@@ -72,6 +76,23 @@ def _same(target: Path, other: Path) -> bool:
     except (OSError, ValueError):
         # Neither exists, or the other is no possible name: whoever opens it says so.
         return False
+
+
+def _belongs_to_run(target: Path, folder: Path) -> bool:
+    """Say whether a file is, or would be, a part of the run in a folder that is read."""
+    try:
+        root = Path(os.path.realpath(folder))
+        if not root.is_dir() or not target.is_relative_to(root):
+            return False
+    except (OSError, ValueError):
+        return False
+    # Some file systems take no difference between capitals and small letters.
+    parts = [part.lower() for part in target.relative_to(root).parts]
+    if len(parts) > 1:
+        return parts[0] == FOLDER_OF_A_RUN
+    named = parts[0] in (*OF_A_RUN, FOLDER_OF_A_RUN) or Path(parts[0]).stem == ENDINGLESS_OF_A_RUN
+    # A folder of results has them beside each other.
+    return named or (target.suffix.lower() == ".json" and target.exists())
 
 
 def _check_folder(path: Path, folder: Path) -> None:

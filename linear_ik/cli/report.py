@@ -17,7 +17,7 @@ from linear_ik.cli.judging import (
     tolerances_option,
 )
 from linear_ik.cli.outputs import check_output
-from linear_ik.cli.process import Verb
+from linear_ik.cli.process import Verb, about_options
 from linear_ik.cli.progress import Progress
 
 EXAMPLE = """Example: one element with its scan; a run of many, judged by AISC 303
@@ -61,9 +61,14 @@ def report(
     known = conditions_of_each(conditions, profile, general)
     progress = Progress(quiet)
     with progress.stage(f"reading {results}", judges_input=True):
-        from linear_ik.report import read_run, write_report
+        from linear_ik.errors import SettingsError
+        from linear_ik.report import check_sections, read_run, write_report
 
         run = read_run(results, profile, known, lambda i, n: progress.update(f"reading result {i} of {n}"))
+        try:
+            check_sections(run, sections or ())
+        except SettingsError as error:
+            raise about_options(error, sections_m="--section") from None
     points = None
     if scans:
         with progress.stage("reading " + ", ".join(str(path) for path in scans), judges_input=True):

@@ -94,11 +94,26 @@ def write_result(result: FitResult, path: str | os.PathLike[str], extra: Mapping
     return write_atomically(path, result_to_json(result, extra))
 
 
+def guid_of(mapping: object) -> str:
+    """Return the GlobalId that a result's JSON names, "" where it names none."""
+    guid = mapping.get("guid") if isinstance(mapping, dict) else None
+    return guid if isinstance(guid, str) else ""
+
+
 def read_result(path: str | os.PathLike[str]) -> FitResult:
     """Return the result that a file holds.
 
     Raises:
         ResultError: no such file, no JSON, another schema, a key that is missing or wrong.
+    """
+    return read_result_with_guid(path)[0]
+
+
+def read_result_with_guid(path: str | os.PathLike[str]) -> tuple[FitResult, str]:
+    """Return the result that a file holds, and the GlobalId that it names or "".
+
+    Raises:
+        ResultError: as `read_result`.
     """
     try:
         mapping = json.loads(Path(path).read_text(encoding="utf-8"))
@@ -107,7 +122,7 @@ def read_result(path: str | os.PathLike[str]) -> FitResult:
     except (ValueError, RecursionError) as error:
         raise ResultError(path, f"no JSON: {error}", EXPECTED) from None
     try:
-        return result_from_mapping(mapping)
+        return result_from_mapping(mapping), guid_of(mapping)
     except LinearIkError as error:
         raise ResultError(path, f"{error.subject}: {error.what}", error.expected or EXPECTED) from None
 

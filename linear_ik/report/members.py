@@ -15,7 +15,7 @@ import numpy.typing as npt
 
 from linear_ik.deviation import Deviations, deviations
 from linear_ik.errors import LinearIkError, ToleranceError
-from linear_ik.exports.result_json import EXPECTED, ResultError, result_from_mapping
+from linear_ik.exports.result_json import EXPECTED, ResultError, guid_of, result_from_mapping
 from linear_ik.result import FitResult
 from linear_ik.tolerances import (
     Accuracy,
@@ -39,14 +39,15 @@ class ReportedMember:
     """One element of a report.
 
     Attributes:
-        key: unique in the report: the GlobalId, or the name of the result's file.
+        key: unique in the report: the GlobalId that the result's file names, or the file's own name.
         name: as designed.
         tag: the mark that drawings use; may be empty.
         ifc_class: such as IfcBeam; may be empty.
         profile: name of the section.
         result: of the fit.
         versions: of what the result was made with.
-        deviations: None where the element was not found, or its ends coincide.
+        deviations: against the specified shape, with its precamber; None where the element was not found,
+            or its ends coincide.
         accuracy: None where the element was not found.
         verdicts: on each clause; empty where no tolerances were asked for.
         outcome: what the verdicts come to; empty where there are none.
@@ -100,7 +101,7 @@ def read_run(
         on_member: called with how many are read, of how many.
 
     Raises:
-        ResultError: no result there, or one that cannot be read.
+        ResultError: no result there, one that cannot be read, or two of one element.
         ToleranceError: conditions of an element that is not there.
     """
     known = conditions if isinstance(conditions, ConditionsOfEach) else ConditionsOfEach(conditions or Conditions())
@@ -108,24 +109,31 @@ def read_run(
     files = _results(source)
     rows = _table(source / TABLE) if source.is_dir() else {}
     order = {guid: i for i, guid in enumerate(rows)}
-    files.sort(key=lambda file: order.get(file.stem, len(order)))
     said = _said(source / RUN) if source.is_dir() else {}
-    members, strangers = [], set(known.named)
+    left_out = said.pop("left_out", None)
+    unfitted = [dict(_flat("", row)) for row in left_out or () if isinstance(row, dict)]
+    members: dict[str, ReportedMember] = {}
+    strangers = set(known.named)
+    # Those without a result are no strangers: the file of conditions is that of the whole building.
+    strangers -= {row.get(column, "") for row in (*rows.values(), *unfitted) for column in ("guid", "tag", "name")}
     for i, file in enumerate(files):
-        result, versions = _read(file)
-        row = rows.pop(file.stem, {})
-        names = (file.stem, row.get("tag", ""), row.get("name") or result.element.name)
+        result, versions, guid = _read(file)
+        # Names of files are not the GlobalIds where a file system takes no difference between A and a.
+        key = guid if guid and guid not in members else file.stem
+        if key in members:
+            raise ResultError(file, f"is a second result of {key}", "one result an element")
+        row = rows.pop(key, {})
+        names = (key, file.stem, row.get("tag", ""), row.get("name") or result.element.name)
         strangers -= {*names}
-        members.append(judged_member(result, profile, known.of(*names), file.stem, versions, row))
+        members[key] = judged_member(result, profile, known.of(*names), key, versions, row)
         if on_member is not None:
             on_member(i + 1, len(files))
+    ordered = sorted(members.values(), key=lambda member: order.get(member.key, len(order)))
     if strangers:
         raise ToleranceError("conditions", f"no element {sorted(strangers)[0]!r}", "a GlobalId, tag or name of the run")
-    title = members[0].name if len(members) == 1 and not source.is_dir() else source.resolve().name
-    left_out = said.pop("left_out", None)
+    title = ordered[0].name if len(ordered) == 1 and not source.is_dir() else source.resolve().name
     T = said.pop("T_model_scan", None)
-    unfitted = [*rows.values(), *(dict(_flat("", row)) for row in left_out or () if isinstance(row, dict))]
-    return Run(title, tuple(members), tuple(unfitted), dict(_flat("", said)), _transform(source / RUN, T))
+    return Run(title, tuple(ordered), (*rows.values(), *unfitted), dict(_flat("", said)), _transform(source / RUN, T))
 
 
 def judged_member(
@@ -150,7 +158,8 @@ def judged_member(
     found: Deviations | None = None
     if result.status != "not_scanned":
         try:
-            found = deviations(result)
+            # Against the specified shape, as the verdicts are: one set of figures in all of the report.
+            found = deviations(result, precamber_m=(conditions or Conditions()).precamber_m or 0.0)
         except LinearIkError:
             pass  # its ends coincide: there is no chord to measure from, and the page says so
     judged = verdicts(result, profile, conditions, found) if profile is not None and (found or _absent(result)) else ()
@@ -183,7 +192,8 @@ def _results(source: Path) -> list[Path]:
     return files
 
 
-def _read(path: Path) -> tuple[FitResult, dict[str, str]]:
+def _read(path: Path) -> tuple[FitResult, dict[str, str], str]:
+    """Return a result, the versions it was made with and the GlobalId that its file names, or ""."""
     try:
         mapping = json.loads(path.read_text(encoding="utf-8"))
     except OSError as error:
@@ -195,7 +205,8 @@ def _read(path: Path) -> tuple[FitResult, dict[str, str]]:
     except LinearIkError as error:
         raise ResultError(path, f"{error.subject}: {error.what}", error.expected or EXPECTED) from None
     versions = mapping.get("versions")
-    return result, {str(k): str(v) for k, v in versions.items()} if isinstance(versions, dict) else {}
+    said = {str(k): str(v) for k, v in versions.items()} if isinstance(versions, dict) else {}
+    return result, said, guid_of(mapping)
 
 
 def _table(path: Path) -> dict[str, dict[str, str]]:

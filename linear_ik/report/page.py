@@ -16,6 +16,7 @@ from markupsafe import Markup
 
 from linear_ik.atomic import write_atomically
 from linear_ik.deviation import Deviations
+from linear_ik.errors import SettingsError
 from linear_ik.report.body import body_data
 from linear_ik.report.cloud import Cloud, NearPoints, T_world_segments
 from linear_ik.report.members import ReportedMember, Run
@@ -32,6 +33,7 @@ SECTION_POINTS = 350
 SECTION_SHARES = (0.25, 0.5, 0.75)  # of the length, less those near where the bow is
 APART = 0.1
 THICKNESS_M = 0.05  # of the slice whose points a section shows, each way
+NO_LEVEL = {True: "coarser than any level", False: "no level: the fit is in doubt"}
 LEAST_LARGEST_M = 0.003  # of the colours
 
 
@@ -52,6 +54,7 @@ def write_report(
         on_member: called with how many pages are made, of how many.
 
     Raises:
+        SettingsError: a section that lies on none of the members.
         OutputError: the file cannot be written.
     """
     return write_atomically(path, render(run, scan, sections_m, on_member))
@@ -72,7 +75,11 @@ def render(
         sections_m: where sections are shown, from the start; the quarters and the bow where left out.
         on_member: called with how many pages are made, of how many.
         made: when; now where left out.
+
+    Raises:
+        SettingsError: a section that lies on none of the members.
     """
+    check_sections(run, sections_m)
     from jinja2 import Environment, FileSystemLoader, StrictUndefined
 
     environment = Environment(
@@ -101,6 +108,14 @@ def render(
         style=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
         script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
     )
+
+
+def check_sections(run: Run, sections_m: Sequence[float]) -> None:
+    """Raise SettingsError where a section lies on none of the members; not on some of them is well."""
+    longest_m = max((m.result.element.length_m for m in run.members), default=0.0)
+    for s_m in sections_m:
+        if not 0.0 <= s_m <= longest_m:
+            raise SettingsError("sections_m", f"{s_m:g}", f"0 to {longest_m:.3f} m, the length of the longest element")
 
 
 def _moved(points: Array, T: Array | None) -> Array:
@@ -152,7 +167,7 @@ def _page(
         "accuracy": None
         if accuracy is None
         else {
-            "level": accuracy.level or "coarser than any level",
+            "level": accuracy.level or NO_LEVEL[result.status == "converged"],
             "measured": f"{1e3 * accuracy.measured_m:.1f} mm",
             "represented": f"{1e3 * accuracy.represented_m:.1f} mm",
             "standard": accuracy.standard,
@@ -163,14 +178,18 @@ def _page(
 
 def _plots(member: ReportedMember, found: Deviations) -> list[dict[str, Any]]:
     segments = member.result.segments
-    limit = next((v.upper for v in member.verdicts if v.figure == "bow" and v.upper is not None), None)
+    # A limit that does not hold for this member, or that nobody verified, is none to draw.
+    limits = [v.upper for v in member.verdicts if v.figure == "bow" and v.verified_by and v.outcome != "not_applicable"]
+    limit = min((upper for upper in limits if upper is not None), default=None)
     return [
         {
             "title": "w(s): offset from the chord",
+            "bands_known": bool(np.isfinite(found.offset_m.band).all()),
             "svg": curve_plot(found.offset_m, found.length_m, "offset from the chord", segments, limit),
         },
         {
             "title": "offset from the design",
+            "bands_known": bool(np.isfinite(found.departure_m.band).all()),
             "svg": curve_plot(found.departure_m, found.length_m, "offset from the design", segments),
         },
     ]
@@ -188,10 +207,12 @@ def _sections(
     result, element = member.result, member.result.element
     step_m, out = element.segment_length_m, []
     T, R_design = element.placement.T_world_element, element.design.rotations
-    designed_nodes = element.design.nodes_m @ T[:3, :3].T + T[:3, 3]
+    designed_nodes = found.specified_m @ T[:3, :3].T + T[:3, 3]
     bow = 0.5 if found.bow_m.node is None else found.bow_m.node / element.segments
     shares = [s_m / element.length_m for s_m in sections_m if 0.0 <= s_m <= element.length_m]
-    for share in sorted(shares or [bow, *(s for s in SECTION_SHARES if abs(s - bow) > APART)]):
+    if not sections_m:
+        shares = [bow, *(s for s in SECTION_SHARES if abs(s - bow) > APART)]
+    for share in sorted(shares):
         k = min(int(share * element.segments), element.segments - 1)
         z_m = min(max(share * element.length_m - k * step_m, 0.0), step_m)
         frame, profile = frames[k], element.profile_at(share)

@@ -35,8 +35,8 @@ def curve_plot(
     """
     keep = np.unique(np.linspace(0, len(curve.s_m) - 1, min(MOST_NODES, len(curve.s_m))).astype(int))
     s, xy, band = curve.s_m[keep], 1e3 * curve.xy[keep], 1e3 * curve.band[keep]
-    band = np.where(np.isfinite(band), band, 0.0)
-    top = float(np.max(np.abs(xy) + band, initial=1e-3))
+    known = np.isfinite(band)
+    top = float(np.max(np.abs(xy) + np.where(known, band, 0.0), initial=1e-3))
     # A limit far beyond the curve would flatten it; its value is in the table of verdicts.
     if limit_m is not None and 1e3 * limit_m <= 3.0 * top:
         top = max(top, 1e3 * limit_m)
@@ -67,13 +67,19 @@ def curve_plot(
         for sign in (-1e3, 1e3):
             out.append(f'<path class="limit" d="M{LEFT} {py(sign * limit_m):.1f}H{WIDTH - RIGHT}"/>')
     for i, (name, _) in enumerate(SERIES):
-        upper = [(px(a), py(b)) for a, b in zip(s, xy[:, i] + band[:, i], strict=True)]
-        lower = [(px(a), py(b)) for a, b in zip(s, xy[:, i] - band[:, i], strict=True)]
-        out.append(f'<path class="band {name}" d="{_path([*upper, *lower[::-1]])}Z"/>')
+        for rows in _runs(known[:, i]):
+            upper = [(px(a), py(b)) for a, b in zip(s[rows], (xy + band)[rows, i], strict=True)]
+            lower = [(px(a), py(b)) for a, b in zip(s[rows], (xy - band)[rows, i], strict=True)]
+            out.append(f'<path class="band {name}" d="{_path([*upper, *lower[::-1]])}Z"/>')
     for i, (name, label) in enumerate(SERIES):
         line = [(px(a), py(b)) for a, b in zip(s, xy[:, i], strict=True)]
         out.append(f'<path class="line {name}" d="{_path(line)}"/>')
         out.append(f'<text class="key {name}" x="{LEFT + 8 + 70 * i}" y="{TOP + 12}">{label}</text>')
+    if not known.all():
+        out.append(
+            f'<text class="key" x="{WIDTH - RIGHT - 8}" y="{TOP + 12}" text-anchor="end">'
+            f"band not known at {(~known.all(axis=1)).sum()} of {len(known)} nodes</text>"
+        )
     middle = (TOP + HEIGHT - BOTTOM) / 2
     out.append(
         f'<text transform="translate(12 {middle}) rotate(-90)" text-anchor="middle">{escape(what)}, mm</text>'
@@ -144,6 +150,12 @@ def _unmeasured(segments: Sequence[SegmentResult]) -> list[str]:
         for k, s in enumerate(segments)
         if s.status != "measured"
     ]
+
+
+def _runs(known: npt.NDArray[np.bool_]) -> list[npt.NDArray[np.intp]]:
+    """Return the numbers of the nodes known, those that follow each other together."""
+    rows = np.flatnonzero(known)
+    return [run for run in np.split(rows, np.flatnonzero(np.diff(rows) > 1) + 1) if len(run)]
 
 
 def _ticks(top: float, count: int = 3) -> tuple[float, float]:

@@ -13,6 +13,7 @@ from linear_ik.tolerances import Verdict
 from linear_ik.tolerances.clause import ANGLES
 
 NOT_KNOWN = "not known"
+NO_LEVEL = {True: "coarser", False: "none"}
 # field, label, unit, factor
 FIGURES = (
     ("bow_m", "bow: largest offset from the chord", "mm", 1e3),
@@ -123,7 +124,7 @@ def list_row(member: ReportedMember) -> dict[str, Any]:
         "length": f"{result.element.length_m:.2f}",
         "status": result.status,
         "outcome": member.outcome,
-        "level": "" if member.accuracy is None else member.accuracy.level or "coarser",
+        "level": "" if member.accuracy is None else member.accuracy.level or NO_LEVEL[result.status == "converged"],
         "scanned": round(100 * sum(s.status == "measured" for s in result.segments) / len(result.segments)),
     }
     for name in ("bow_m", "out_of_plumb_m", "departure_max_m"):

@@ -25,10 +25,13 @@ class Accuracy:
     """Level of accuracy of one result.
 
     Attributes:
-        level: such as LOA40, of the worse of the two; None: worse than the coarsest.
-        measured_m: largest 95 % half-width of a node's place across the axis, systematic errors
-            included as far as they were given to the fit.
-        represented_m: 95 % of the matched points lie within this of the model's surface.
+        level: such as LOA40, of the worse of the two; None: worse than the coarsest, or the fit is not
+            converged, so that neither says how exact it is.
+        measured_m: largest 95 % half-width of a node's place along one of the two axes of its section,
+            from the fit's covariance; systematic errors included as far as they were given to the fit.
+        represented_m: 1.96 times the rms distance of the matched points to the model's surface; of
+            normally distributed distances 95 % are below it. It tells noise and misfit together, and
+            nothing of where no points were matched.
         standard: title and edition.
     """
 
@@ -52,8 +55,10 @@ def level_of_accuracy(result: FitResult, found: Deviations | None = None) -> Acc
     represented_m = BAND_95 * result.surface_rmse_m
     standard, classes = _classes()
     worse = max(measured_m, represented_m) if math.isfinite(measured_m + represented_m) else math.inf
-    level = next((name for name, over, to in classes if over < worse <= to), None)
-    return Accuracy(level if worse > 0 else None, measured_m, represented_m, standard)
+    level = None
+    if result.status == "converged" and worse > 0:
+        level = next((name for name, over, to in classes if over < worse <= to), None)
+    return Accuracy(level, measured_m, represented_m, standard)
 
 
 @cache

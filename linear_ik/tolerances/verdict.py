@@ -6,7 +6,9 @@ inconclusive as well, and the reason says what it is: a fit that may be wrong, a
 verified, a loading state or a precamber that was not stated.
 
 Standards limit imperfections, not elastic deflection. Own weight sags a member that is not vertical
-and does not sweep it, so under own weight only the horizontal part is held against such a limit.
+and does not sweep it where a principal axis of its section is vertical, so under own weight only the
+horizontal part is held against such a limit, and of other sections (an angle, a beam rolled about
+its axis) nothing.
 """
 
 from __future__ import annotations
@@ -21,11 +23,14 @@ import numpy as np
 from linear_ik.deviation import Deviations, Figure, deviations
 from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
+from linear_ik.section import section_properties
 from linear_ik.tolerances.clause import ANGLES, Clause, Limits, Profile
 from linear_ik.tolerances.conditions import Conditions
 from linear_ik.tolerances.formula import Quantity
 
 Outcome = Literal["pass", "fail", "inconclusive", "not_applicable"]
+# Of what own weight bends a member downwards, as much may be sideways: the rounding of a design's axes.
+MOST_SIDEWAYS = 0.01
 FIELDS = {"twist": "twist_rad", "slope": "slope_max_rad", "departure": "departure_max_m"}
 
 
@@ -79,7 +84,7 @@ def verdicts(
         result: of a fit.
         profile: the tolerances.
         conditions: what only the person knows.
-        found: the result's deviations without a precamber, where the caller has them already.
+        found: the result's deviations with the precamber of the conditions, where the caller has them already.
 
     Raises:
         LinearIkError: the member's ends coincide.
@@ -87,7 +92,7 @@ def verdicts(
     known = conditions or Conditions()
     if result.status == "not_scanned":
         found = None
-    elif found is None or known.precamber_m:
+    elif found is None:
         found = deviations(result, precamber_m=known.precamber_m or 0.0)
     return tuple(_verdict(result, found, profile, clause, known) for clause in profile.clauses)
 
@@ -166,12 +171,12 @@ def _outcome(
     if result.status != "converged":
         return "inconclusive", "; ".join([f"the fit is {result.status.replace('_', ' ')}", *result.reasons[:1]])
     if clause.unloaded and known.loading_state != "unloaded":
-        return _loaded(found, clause, figure, limits, known)
+        return _loaded(result, found, clause, figure, limits, known)
     return compare(figure.value, figure.band, limits, clause.figure in ANGLES)
 
 
 def _loaded(
-    found: Deviations, clause: Clause, figure: Figure, limits: Limits, known: Conditions
+    result: FitResult, found: Deviations, clause: Clause, figure: Figure, limits: Limits, known: Conditions
 ) -> tuple[Outcome, str]:
     """Return the outcome of a clause that holds for the unstressed member, which this one is not."""
     if known.loading_state is None:
@@ -179,6 +184,11 @@ def _loaded(
     if known.loading_state == "loaded":
         return "inconclusive", "holds for the unloaded member: it was scanned loaded"
     assert figure.value is not None and figure.band is not None
+    if not found.vertical and clause.figure in ("bow", "sweep") and not _sags_straight_down(result):
+        return "inconclusive", (
+            "holds for the unloaded member: no principal axis of its section is vertical, so own weight bends it "
+            "sideways too, and the scan does not tell how much"
+        )
     if found.vertical or clause.figure == "sweep":
         # Own weight bends neither.
         return compare(figure.value, figure.band, limits, clause.figure in ANGLES)
@@ -188,6 +198,24 @@ def _loaded(
         if outcome == "fail":
             return outcome, f"its horizontal part alone, which no own weight causes: {reason}"
     return "inconclusive", "holds for the unloaded member: own weight sags it, and the scan does not tell how much"
+
+
+def _sags_straight_down(result: FitResult) -> bool:
+    """Say whether own weight bends a member downwards only, by its design.
+
+    A load along e bends a section along J^-1 e, J its second moments: along e alone where e is a
+    principal axis.
+    """
+    element = result.element
+    across = element.design.rotations.transpose(0, 2, 1) @ element.placement.T_world_element[2, :3]
+    for profile in (element.profile_at(0.0), element.profile_at(1.0)):
+        p = section_properties(profile)
+        bends = across[:, :2] @ np.linalg.inv(np.array([[p.iyy_m4, p.ixy_m4], [p.ixy_m4, p.ixx_m4]]))
+        down = np.einsum("ki,ki->k", bends, across[:, :2])
+        sideways = bends[:, 0] * across[:, 1] - bends[:, 1] * across[:, 0]
+        if (np.abs(sideways) > MOST_SIDEWAYS * down).any():
+            return False
+    return True
 
 
 def compare(value: float, band: float, limits: Limits, angle: bool) -> tuple[Outcome, str]:
