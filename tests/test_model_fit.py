@@ -10,7 +10,7 @@ from dataclasses import replace
 import laspy
 import numpy as np
 import pytest
-from site_samples import ABSENT, GUIDS, design, only, site
+from site_samples import ABSENT, GUIDS, design, member, only, site
 
 import linear_ik
 from linear_ik.design_model import MapConversion
@@ -19,6 +19,8 @@ from linear_ik.errors import LinearIkError, OutputError, ScanError, SettingsErro
 from linear_ik.model_fit import ModelFitOptions, fit_model
 from linear_ik.model_fit.folder import file_stems
 from linear_ik.model_fit.options import check_rigid
+from linear_ik.profile import Rectangle
+from linear_ik.scan import Scan
 
 HERE = {"workers": 0}
 
@@ -168,10 +170,10 @@ def test_what_has_changed_is_fitted_again(built, done, tmp_path, what):
     else:
         options = {**HERE, "max_points": 1000}
     before = (folder / "elements" / f"{GUIDS[2]}.json").read_bytes()
-    others = (folder / "elements" / f"{GUIDS[0]}.json").stat().st_mtime_ns
+    other = (folder / "elements" / f"{GUIDS[0]}.json").read_bytes()
     fit_model(model, [scan], folder, settings, ModelFitOptions(**options))
     assert (folder / "elements" / f"{GUIDS[2]}.json").read_bytes() != before
-    assert (folder / "elements" / f"{GUIDS[0]}.json").stat().st_mtime_ns == others
+    assert (folder / "run_state" / "other" / f"{GUIDS[0]}.json").read_bytes() == other
 
 
 def test_a_result_that_somebody_changed_or_removed_is_made_again(built, done, tmp_path):
@@ -181,6 +183,50 @@ def test_a_result_that_somebody_changed_or_removed_is_made_again(built, done, tm
         file.write(" ")
     fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE))
     assert contents(folder) == contents(done[1])
+
+
+def test_results_of_elements_that_are_not_asked_for_wait_elsewhere(built, done, tmp_path):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    one = ModelFitOptions(**HERE, only=[ABSENT])
+    found = fit_model(built.design, [built.scan], folder, options=one)
+    assert found.counts == {"not_scanned": 1}
+    assert [p.stem for p in (folder / "elements").iterdir()] == [ABSENT]
+    with (folder / "run_state" / "other" / f"{GUIDS[2]}.json").open("a") as file:
+        file.write(" ")
+    stages = {}
+    found = fit_model(
+        built.design,
+        [built.scan],
+        folder,
+        options=ModelFitOptions(**HERE),
+        on_progress=lambda stage, done, total, seconds: stages.update({stage: total}),
+    )
+    assert contents(folder) == contents(done[1])
+    assert stages["fitting"] == 1, "only the one that somebody changed"
+    assert list((folder / "run_state" / "other").iterdir()) == []
+
+
+def test_an_element_whose_rival_is_gone_has_its_first_fit_again(tmp_path):
+    sizes = {"A" * 22: 0.0, "B" * 22: 0.1}
+    a, b = (member(guid, "IfcBeam", Rectangle(0.1, 0.1), 1.0, (x, 0, 0), (0, 0, 1)) for guid, x in sizes.items())
+    linear_ik.write_scan(Scan(linear_ik.simulate(a.element, points=800, seed=1).points), tmp_path / "scan.ply")
+    both = replace(design(), members=(a, b), obstacles=())
+
+    def run(model, **options):
+        folder = tmp_path / "out"
+        found = fit_model(model, [tmp_path / "scan.ply"], folder, options=ModelFitOptions(**HERE, **options))
+        for row in found.rows:
+            written = linear_ik.read_result(folder / "elements" / f"{row.member.guid}.json")
+            assert (written.status, written.reasons) == (row.result.status, row.result.reasons)
+        return contents(folder)
+
+    contested = run(both)
+    alone = run(replace(both, members=(b,)))
+    name = f"elements/{b.guid}.json"
+    assert alone[name]["status"] != contested[name]["status"] == "not_scanned"
+    assert run(both) == contested
+    assert run(both, contest=False)[name] == alone[name]
+    assert run(both) == contested
 
 
 def test_workers_change_nothing(built, done, tmp_path):
@@ -374,8 +420,9 @@ def test_a_file_in_the_folders_place(built, tmp_path):
 
 
 def test_files_are_named_as_every_file_system_takes_it():
-    stems = file_stems(["0Ab$_", "0aB$_", "../evil", "a/b", "", "0ab$_", "x" * 100])
-    assert stems["0Ab$_"] == "0Ab$_"
+    stems = file_stems(["0Ab$_", "0aB$_", "../evil", "a/b", "", "0ab$_", "x" * 100, "0ac$_"])
+    assert stems["0ac$_"] == "0ac$_"
+    assert file_stems(["0ab$_", "0aB$_"]) == {guid: stems[guid] for guid in ("0ab$_", "0aB$_")}
     assert len({s.lower() for s in stems.values()}) == len(stems)
     assert all(
         s and set(s) <= set("0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_$-") for s in stems.values()

@@ -81,6 +81,7 @@ class Fits:
     ) -> None:
         """Find out what each fit hangs on, and which are known from earlier runs."""
         self.members, self.settings, self.options, self.folder = members, settings, options, folder
+        self._index = {member.guid: i for i, member in enumerate(members)}
         self._field = ObstacleField(obstacles)
         self._reach = [_reach_m(member, options) for member in members]
         T = None if T_model_scan is None else T_model_scan.tolist()
@@ -132,6 +133,12 @@ class Fits:
         self._hand_out(pieces, listener)
         self.folder.keep_scan_extent(self._scan_inputs, self.extent)
 
+    def take_over(self) -> None:
+        """Let the folder hold results of these members alone; those of others wait beside it for another run."""
+        self.folder.set_aside([member.guid for member in self.members])
+        for guid in self._results:
+            self.folder.bring_back(guid)
+
     def first(self, pool: Pool, listener: Listener) -> None:
         """Fit every member that is not known."""
         missing = [i for i, m in enumerate(self.members) if m.guid not in self._results]
@@ -149,13 +156,16 @@ class Fits:
         rivals, inputs = self._rivals(), self._contest_inputs()
         open_ones = []
         finals: dict[str, tuple[FitResult, Facts]] = {}
-        for i, fp in inputs.items():
-            guid = self.members[i].guid
-            known = self.folder.known(guid, "final", fp)
-            if known is None:
+        for i, member in enumerate(self.members):
+            if member.guid not in self._results:
+                continue
+            known = self.folder.known(member.guid, "final", inputs[i]) if i in inputs else None
+            if known is not None:
+                finals[member.guid] = light(known[0]), known[1]
+                continue
+            self.folder.back_to_first(member.guid)
+            if i in inputs:
                 open_ones.append(i)
-            else:
-                finals[guid] = light(known[0]), known[1]
         claimants = {j: Claimant.of(self._results[self.members[j].guid]) for i in open_ones for j in rivals[i]}
 
         def tasks() -> Iterator[Task]:
@@ -164,10 +174,9 @@ class Fits:
                 others = tuple(claimants[j] for j in rivals[i])
                 yield replace(self._task(i), first=first, rivals=others)
 
-        index = {m.guid: i for i, m in enumerate(self.members)}
         for outcome in self._run(pool, tasks(), len(open_ones), "settling between neighbours", listener):
             guid = outcome.guid
-            fp = inputs[index[guid]]
+            fp = inputs[self._index[guid]]
             facts = {**self._facts[guid], **outcome.facts}
             if outcome.failure:
                 self._failures[guid] = outcome.failure
@@ -214,7 +223,7 @@ class Fits:
 
     def _received(self, guid: str) -> int:
         assert self._spill is not None
-        return int(self._spill.received[[m.guid for m in self.members].index(guid)])
+        return int(self._spill.received[self._index[guid]])
 
     def _rivals(self) -> dict[int, list[int]]:
         """Return for each member that has a result those with a result whose bodies may touch its own."""
