@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from linear_ik.atomic import same_file
 from linear_ik.errors import OutputError
 
 STDOUT = ("-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
@@ -36,10 +37,10 @@ def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path]
         if target.is_dir():
             raise OutputError(path, "is a folder", "a file name")
         for other in inputs:
-            if _same(target, other):
+            if same_file(target, other):
                 raise OutputError(path, "is one of the files that are read", "another file name")
         for other in others:
-            if _same(target, other):
+            if same_file(target, other):
                 raise OutputError(path, "is given for two outputs", "a file name of its own for each")
         if target.exists() and not os.access(target, os.W_OK):
             raise OutputError(path, "is write-protected", "a file that may be replaced")
@@ -64,14 +65,6 @@ def check_folder(path: Path) -> Path:
     except (OSError, ValueError) as error:
         raise OutputError(path, f"cannot be written: {_reason(error)}", "a writable place") from None
     return target
-
-
-def _same(target: Path, other: Path) -> bool:
-    try:
-        return target == Path(os.path.realpath(other)) or target.samefile(other)
-    except (OSError, ValueError):
-        # Neither exists, or the other is no possible name: whoever opens it says so.
-        return False
 
 
 def _check_folder(path: Path, folder: Path) -> None:

@@ -46,12 +46,14 @@ class Row:
         result: None where the fit failed.
         failure: why; else empty.
         facts: counts of its points.
+        file: of the result, in the folder; where the fit failed there is none.
     """
 
     member: Member
     result: FitResult | None
     failure: str
     facts: Facts
+    file: str = ""
 
     @property
     def status(self) -> str:
@@ -118,7 +120,14 @@ class Fits:
     def rows(self) -> list[Row]:
         """One for each member."""
         return [
-            Row(m, self._results.get(m.guid), self._failures.get(m.guid, ""), self._facts[m.guid]) for m in self.members
+            Row(
+                m,
+                self._results.get(m.guid),
+                self._failures.get(m.guid, ""),
+                self._facts[m.guid],
+                self.folder.element_path(m.guid).relative_to(self.folder.path).as_posix(),
+            )
+            for m in self.members
         ]
 
     def prepare(self, pieces: Callable[[], Iterable[Scan]], listener: Listener) -> None:
@@ -226,12 +235,14 @@ class Fits:
         return int(self._spill.received[self._index[guid]])
 
     def _rivals(self) -> dict[int, list[int]]:
-        """Return for each member that has a result those with a result whose bodies may touch its own."""
+        """Return for each member that has points and a result those that were found and may touch it."""
         if not self.options.contest:
             return {}
         near = Neighbourhoods.of([m.element for m in self.members], [RIVAL_REACH_M + r / 2 for r in self._reach])
-        have = {i for i, m in enumerate(self.members) if m.guid in self._results}
-        return {i: [j for j in others if j in have] for i, others in near.neighbours().items() if i in have}
+        found = {self._index[guid] for guid, result in self._results.items() if result.status != "not_scanned"}
+        # One that was not found may be, when its neighbours have taken what is theirs.
+        with_points = {self._index[g] for g in self._results if _own_points(self._facts[g])}
+        return {i: [j for j in others if j in found] for i, others in near.neighbours().items() if i in with_points}
 
     def _contest_inputs(self) -> dict[int, str]:
         """Return for each member in a contest the fingerprint of what that hangs on."""
@@ -276,6 +287,11 @@ class Fits:
             spill.received[:] = done["received"]
         self._spill, self.extent = spill, done["extent"]
         self._stations = np.array(done["stations"]) if done["stations"] else None
+
+
+def _own_points(facts: Facts) -> int:
+    """Return how many points an element was fitted to first."""
+    return int(facts["points"] - facts["on_obstacles"])
 
 
 def _reach_m(member: Member, options: ModelFitOptions) -> float:

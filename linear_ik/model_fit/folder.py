@@ -90,7 +90,16 @@ class RunFolder:
             raise OutputError(self.path, "another run is at work in it", "another folder, or wait") from None
         except OSError:
             pass  # a network file system without locks
+        else:
+            self._sweep()
         self._made = made
+
+    def _sweep(self) -> None:
+        """Remove what a run that was killed was writing; nobody else is, under the lock."""
+        state = self.path / STATE
+        for folder in (self.path, self.path / "elements", state, state / "first", state / "other"):
+            for path in folder.glob(".linear_ik-*"):
+                path.unlink(missing_ok=True)
 
     def set_aside(self, guids: Sequence[str]) -> None:
         """Keep results of elements that are not of this run out of ``elements``: whoever reads it takes all there is.
@@ -231,6 +240,11 @@ class RunFolder:
     def clear_scratch(self) -> None:
         """Remove the points."""
         shutil.rmtree(self.scratch, ignore_errors=True)
+
+    def clear_part(self) -> None:
+        """Remove the points unless all were handed out: then the next run need not read the scan again."""
+        if not (self.scratch / "complete.json").exists():
+            self.clear_scratch()
 
     def take_back(self) -> None:
         """Leave nothing of a run that could not start."""
