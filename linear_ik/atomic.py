@@ -4,6 +4,8 @@ from __future__ import annotations
 
 import os
 import secrets
+import shutil
+import tempfile
 from collections.abc import Iterator
 from contextlib import contextmanager
 from pathlib import Path
@@ -45,14 +47,23 @@ def write_atomically(path: str | os.PathLike[str], content: bytes | str) -> Path
 def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
     """Give the block a temporary file to write bit by bit, which takes the name when the block has ended well.
 
+    Links and devices are treated as `write_atomically` does.
+
     Raises:
         OutputError: a place that cannot be written to.
     """
     target = check_writable(path)
-    temporary = target.with_name(f".linear_ik-{secrets.token_hex(8)}{target.suffix}")
+    device = _is_device(target)
+    real = Path(os.path.realpath(target))
+    folder = Path(tempfile.gettempdir()) if device else real.parent
+    temporary = folder / f".linear_ik-{secrets.token_hex(8)}{target.suffix}"
     try:
         yield temporary
-        os.replace(temporary, target)
+        if device:
+            with temporary.open("rb") as source, target.open("wb") as sink:
+                shutil.copyfileobj(source, sink)
+        else:
+            os.replace(temporary, real)
     except OSError as error:
         raise _output_error(target, error) from None
     finally:
@@ -80,6 +91,15 @@ def check_writable(path: str | os.PathLike[str]) -> Path:
     except (OSError, ValueError) as error:
         raise _output_error(target, error) from None
     return target
+
+
+def same_file(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
+    """Say whether two paths lead to one file, which need not exist."""
+    try:
+        return os.path.realpath(one) == os.path.realpath(other) or os.path.samefile(one, other)
+    except (OSError, ValueError):
+        # Neither exists, or the other is no possible name: whoever opens it says so.
+        return False
 
 
 def _is_device(path: Path) -> bool:

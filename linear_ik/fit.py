@@ -78,6 +78,22 @@ def fit(
         return coarseness_said(_fit(element, scan, settings or FitSettings(), log, Clock()), scan)
 
 
+def not_scanned(element: Element, reason: str, settings: FitSettings | None = None) -> FitResult:
+    """Return the result for an element that no point is near: the design, with status not_scanned; no fit is made.
+
+    Args:
+        element: what was designed.
+        reason: a sentence for the result.
+        settings: those of the fits of its neighbours.
+    """
+    settings, clock = settings or FitSettings(), Clock()
+    # As in `fit`; numbers must not hang on how many threads there are either.
+    with thread_pools().limit(limits=1):
+        problem = Problem.of(element, None)
+        clock.lap("prepare")
+        return absent(problem, (reason,), settings, Log(None, element.placement.T_world_element), clock)
+
+
 def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     solver = make_solver(settings.solver)
     problem = Problem.of(element, scan)

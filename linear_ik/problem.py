@@ -54,15 +54,16 @@ class Problem:
     prior_mean: Array
 
     @classmethod
-    def of(cls, element: Element, scan: Scan) -> Problem:
-        """Prepare the fit of ``element`` to ``scan``."""
+    def of(cls, element: Element, scan: Scan | None) -> Problem:
+        """Prepare the fit of ``element`` to ``scan``, or to no point at all."""
         chain = Chain.of(element)
         surface = surface_of(element)
         T = element.placement.T_world_element
         slack_m = float(np.linalg.norm(chain.upper[:3])) + surface.reach_m + 0.1
-        points, near = in_reach(scan.points, T, element.length_m + slack_m)
-        sights = None
-        if scan.stations is not None and scan.station_index is not None:
+        points, sights = np.empty((0, 3)), None
+        if scan is not None:
+            points, near = in_reach(scan.points, T, element.length_m + slack_m)
+        if scan is not None and scan.stations is not None and scan.station_index is not None:
             sights = Sights.of(points, (scan.stations - T[:3, 3]) @ T[:3, :3], scan.station_index[near])
         movable = chain.upper > chain.lower
         if surface.radius_m is not None:

@@ -134,7 +134,8 @@ def test_nothing_of_it_in_the_scan_is_exit_code_3(frame, tmp_path):
 @pytest.mark.parametrize(
     ("more", "line"),
     [
-        (["--only", "nobody"], "error: --only: nobody is not in the design (a GlobalId)"),
+        (["--only", ""], "error: --only: names no element (GlobalIds, separated by commas)"),
+        (["--only", " nobody, "], "error: --only: nobody is not in the design (a GlobalId)"),
         (["--class", "IfcSlab"], "error: --class: IfcSlab is not in the design (IfcBeam, IfcColumn, IfcPipeSegment)"),
         (["--workers", "-2"], "error: --workers: -2 (a whole number from 0 to 1000)"),
         (["--memory", "1"], "error: --memory: 1.0 (a number from 16 to 1e+06)"),
@@ -153,6 +154,23 @@ def test_bad_options_are_one_line_and_nothing_is_written(frame, tmp_path, monkey
     assert said.err.startswith(line)
     assert said.err.count("\n") == 1
     assert list(tmp_path.iterdir()) == []
+
+
+def test_nothing_that_is_read_is_written(frame, tmp_path, monkeypatch, capsys):
+    _, folder = frame
+    monkeypatch.chdir(tmp_path)
+    os.mkdir("out")
+    for name in ("asbuilt.ifc", "deviation.ply", "run.json"):
+        Path("out", name).write_text("mine")
+    for arguments in (
+        ["out/asbuilt.ifc", f"{folder}/site.laz"],
+        [f"{folder}/design.ifc", "out/deviation.ply"],
+        [f"{folder}/design.ifc", f"{folder}/site.laz", "--transform", "out/run.json"],
+    ):
+        assert main(["fit", *arguments, "-o", "out"]) == 2
+        said = capsys.readouterr().err
+        assert said.endswith(" is one of the files that are read (another file name)\n"), said
+    assert {p.read_text() for p in Path("out").iterdir()} == {"mine"}
 
 
 def test_bad_files_are_one_line_and_nothing_is_written(frame, tmp_path, capsys):

@@ -16,7 +16,7 @@ import pytest
 import trimesh
 from samples import SAMPLES
 
-from linear_ik.atomic import check_writable, write_atomically
+from linear_ik.atomic import check_writable, write_atomically, written_whole
 from linear_ik.element import Element, Placement
 from linear_ik.errors import ChainError, OutputError
 from linear_ik.exports.fitted_urdf import write_fitted_urdf
@@ -120,6 +120,29 @@ def test_a_link_keeps_pointing_to_its_file(tmp_path: Path) -> None:
     (tmp_path / "link").symlink_to("real")
     write_atomically(tmp_path / "link", "new")
     assert (tmp_path / "link").is_symlink() and (tmp_path / "real").read_text() == "new"
+
+
+def test_a_file_written_bit_by_bit_follows_a_link_and_spares_a_device(tmp_path: Path) -> None:
+    (tmp_path / "real").write_text("old")
+    (tmp_path / "link").symlink_to("real")
+    with written_whole(tmp_path / "link") as part:
+        part.write_text("new")
+    assert (tmp_path / "link").is_symlink()
+    assert (tmp_path / "real").read_text() == "new"
+    os.mkfifo(tmp_path / "pipe")
+    reader = os.open(tmp_path / "pipe", os.O_RDONLY | os.O_NONBLOCK)
+    try:
+        with written_whole(tmp_path / "pipe") as part:
+            part.write_text("through")
+        assert os.read(reader, 100) == b"through"
+    finally:
+        os.close(reader)
+    assert (tmp_path / "pipe").is_fifo()
+    with pytest.raises(ZeroDivisionError), written_whole(tmp_path / "link") as part:
+        part.write_text("half")
+        1 / 0  # noqa: B018
+    assert (tmp_path / "real").read_text() == "new"
+    assert {p.name for p in tmp_path.iterdir()} == {"real", "link", "pipe"}
 
 
 def test_a_pipe_is_written_to_not_replaced(tmp_path: Path) -> None:

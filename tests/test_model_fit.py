@@ -10,15 +10,22 @@ from dataclasses import replace
 import laspy
 import numpy as np
 import pytest
-from site_samples import ABSENT, GUIDS, design, only, site
+from site_samples import ABSENT, GUIDS, design, member, only, site
 
 import linear_ik
-from linear_ik.design_model import MapConversion
-from linear_ik.element import Placement
+from linear_ik.design_model import MapConversion, Member
+from linear_ik.deviation import deviations
+from linear_ik.element import Element, Placement
 from linear_ik.errors import LinearIkError, OutputError, ScanError, SettingsError
+from linear_ik.fit import not_scanned
 from linear_ik.model_fit import ModelFitOptions, fit_model
-from linear_ik.model_fit.folder import file_stems
+from linear_ik.model_fit.fits import Row
+from linear_ik.model_fit.folder import RunFolder, file_stems, light
 from linear_ik.model_fit.options import check_rigid
+from linear_ik.model_fit.selection import select
+from linear_ik.model_fit.table import line
+from linear_ik.profile import Circle, Rectangle
+from linear_ik.scan import Scan
 
 HERE = {"workers": 0}
 
@@ -32,7 +39,14 @@ def built(tmp_path_factory):
 def done(built, tmp_path_factory):
     """A run in this process, which tests look at and leave alone."""
     folder = tmp_path_factory.mktemp("asbuilt")
-    found = fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE))
+    said = {}
+
+    def on_progress(stage, done, total, seconds):
+        said[stage] = done, total
+
+    found = fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE), on_progress=on_progress)
+    assert said["colouring the scan"] == (8000, 8000)
+    assert said["fitting"] == (5, 5)
     return found, folder
 
 
@@ -93,6 +107,7 @@ def test_the_table_has_a_line_an_element_in_the_designs_order(built, done):
     plumb = np.hypot(*(nodes[-1] - nodes[0])[:2])
     assert float(column["out_of_plumb_mm"]) == pytest.approx(1e3 * plumb, abs=1.0)
     assert column["sag_mm"] == ""  # of a column
+    assert json.loads((folder / column["file"]).read_text())["guid"] == GUIDS[0]
     assert rows[GUIDS[1]]["sag_mm"] != ""
 
 
@@ -168,10 +183,10 @@ def test_what_has_changed_is_fitted_again(built, done, tmp_path, what):
     else:
         options = {**HERE, "max_points": 1000}
     before = (folder / "elements" / f"{GUIDS[2]}.json").read_bytes()
-    others = (folder / "elements" / f"{GUIDS[0]}.json").stat().st_mtime_ns
+    other = (folder / "elements" / f"{GUIDS[0]}.json").read_bytes()
     fit_model(model, [scan], folder, settings, ModelFitOptions(**options))
     assert (folder / "elements" / f"{GUIDS[2]}.json").read_bytes() != before
-    assert (folder / "elements" / f"{GUIDS[0]}.json").stat().st_mtime_ns == others
+    assert (folder / "run_state" / "other" / f"{GUIDS[0]}.json").read_bytes() == other
 
 
 def test_a_result_that_somebody_changed_or_removed_is_made_again(built, done, tmp_path):
@@ -181,6 +196,50 @@ def test_a_result_that_somebody_changed_or_removed_is_made_again(built, done, tm
         file.write(" ")
     fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE))
     assert contents(folder) == contents(done[1])
+
+
+def test_results_of_elements_that_are_not_asked_for_wait_elsewhere(built, done, tmp_path):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    one = ModelFitOptions(**HERE, only=[ABSENT])
+    found = fit_model(built.design, [built.scan], folder, options=one)
+    assert found.counts == {"not_scanned": 1}
+    assert [p.stem for p in (folder / "elements").iterdir()] == [ABSENT]
+    with (folder / "run_state" / "other" / f"{GUIDS[2]}.json").open("a") as file:
+        file.write(" ")
+    stages = {}
+    found = fit_model(
+        built.design,
+        [built.scan],
+        folder,
+        options=ModelFitOptions(**HERE),
+        on_progress=lambda stage, done, total, seconds: stages.update({stage: total}),
+    )
+    assert contents(folder) == contents(done[1])
+    assert stages["fitting"] == 1, "only the one that somebody changed"
+    assert list((folder / "run_state" / "other").iterdir()) == []
+
+
+def test_an_element_whose_rival_is_gone_has_its_first_fit_again(tmp_path):
+    sizes = {"A" * 22: 0.0, "B" * 22: 0.1}
+    a, b = (member(guid, "IfcBeam", Rectangle(0.1, 0.1), 1.0, (x, 0, 0), (0, 0, 1)) for guid, x in sizes.items())
+    linear_ik.write_scan(Scan(linear_ik.simulate(a.element, points=800, seed=1).points), tmp_path / "scan.ply")
+    both = replace(design(), members=(a, b), obstacles=())
+
+    def run(model, **options):
+        folder = tmp_path / "out"
+        found = fit_model(model, [tmp_path / "scan.ply"], folder, options=ModelFitOptions(**HERE, **options))
+        for row in found.rows:
+            written = linear_ik.read_result(folder / "elements" / f"{row.member.guid}.json")
+            assert (written.status, written.reasons) == (row.result.status, row.result.reasons)
+        return contents(folder)
+
+    contested = run(both)
+    alone = run(replace(both, members=(b,)))
+    name = f"elements/{b.guid}.json"
+    assert alone[name]["status"] != contested[name]["status"] == "not_scanned"
+    assert run(both) == contested
+    assert run(both, contest=False)[name] == alone[name]
+    assert run(both) == contested
 
 
 def test_workers_change_nothing(built, done, tmp_path):
@@ -312,6 +371,15 @@ def test_a_selection_by_class_and_guid(built, tmp_path):
     assert found.rows[0].result.element.segments == 3
 
 
+def test_a_class_is_also_that_of_its_standard_case():
+    model = design()
+    kinds = ("IfcBeamStandardCase", "IfcBeam", "IfcColumnStandardCase", "IfcColumn", "IfcMember")
+    model = replace(model, members=tuple(replace(m, ifc_class=k) for m, k in zip(model.members, kinds, strict=True)))
+    for name in ("IfcBeam", "ifcbeamstandardcase"):
+        chosen, _ = select(model, ModelFitOptions(classes=[name]))
+        assert [m.ifc_class for m in chosen] == list(kinds[:2])
+
+
 def test_wrong_choices_name_the_right_ones(built, tmp_path):
     folder = tmp_path / "none"
     cases = [
@@ -357,6 +425,33 @@ def test_bad_scans_leave_nothing(built, tmp_path):
     assert not folder.exists()
 
 
+def test_ctrl_c_keeps_points_that_were_all_handed_out_and_no_others(built, tmp_path, monkeypatch):
+    from linear_ik.model_fit.fits import Fits
+
+    model, points = only(built.design, GUIDS[2]), tmp_path / "run_state" / "points"
+
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    def run(on_progress=None):
+        fit_model(model, [built.scan], tmp_path, options=ModelFitOptions(**HERE), on_progress=on_progress)
+
+    with pytest.raises(KeyboardInterrupt):
+        run(lambda stage, *_: stage == "handing out points" and stopped())
+    assert not points.exists()
+    with monkeypatch.context() as patch:
+        patch.setattr(RunFolder, "keep_scan_extent", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            run()
+    assert (points / "complete.json").exists()
+    with monkeypatch.context() as patch:
+        patch.setattr(Fits, "first", stopped)
+        stages = set()
+        with pytest.raises(KeyboardInterrupt):
+            run(lambda stage, *_: stages.add(stage))
+    assert stages == {"reading the design"}, "the scan is not read again"
+
+
 def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):
     folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
     cut = tmp_path / "cut.ply"
@@ -366,6 +461,16 @@ def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):
     assert contents(folder) == contents(done[1])
 
 
+@pytest.mark.parametrize("name", ["asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json"])
+def test_a_file_that_is_read_is_never_replaced(built, tmp_path, name):
+    (tmp_path / name).write_bytes(b"mine")
+    (tmp_path / "link").symlink_to(name)
+    for design_path, scan in ((tmp_path / "link", built.scan), (built.design, tmp_path / name)):
+        with pytest.raises(OutputError, match="is one of the files that are read"):
+            fit_model(design_path, [scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert {p.name: p.read_bytes() for p in tmp_path.iterdir()} == {name: b"mine", "link": b"mine"}
+
+
 def test_a_file_in_the_folders_place(built, tmp_path):
     (tmp_path / "asbuilt").write_text("mine")
     with pytest.raises(OutputError):
@@ -373,9 +478,48 @@ def test_a_file_in_the_folders_place(built, tmp_path):
     assert (tmp_path / "asbuilt").read_text() == "mine"
 
 
+def test_what_a_killed_run_was_writing_is_swept_away(tmp_path):
+    folder = RunFolder(tmp_path, [])
+    folder.make()
+    folder.release()
+    parts = [
+        tmp_path / f / ".linear_ik-0123456789abcdef.tmp" for f in (".", "elements", "run_state", "run_state/first")
+    ]
+    for path in (*parts, tmp_path / "mine.tmp"):
+        path.write_text("")
+    folder.make()
+    assert not any(path.exists() for path in parts)
+    assert (tmp_path / "mine.tmp").exists()
+
+
+def test_an_element_without_a_chord_has_no_figures_against_it():
+    t = np.linspace(0, 2 * np.pi, 61)
+    axis = np.column_stack([1 - np.cos(t), 0 * t, np.sin(t)])
+    axis[-1] = 0.0
+    length = float(np.linalg.norm(np.diff(axis, axis=0), axis=1).sum())
+    ring = Element("ring", Circle(0.05), length, 12, axis_points=tuple(map(tuple, axis)))
+    result = replace(not_scanned(ring, ""), status="converged")
+    with pytest.raises(LinearIkError):
+        deviations(result)
+    values = line(Row(Member("g", "IfcPipeSegment", "", "", "", ring), result, "", {}, "elements/g.json"))
+    assert values["max_offset_mm"] == "0.000"
+    assert "bow_mm" not in values
+    assert values["file"] == "elements/g.json"
+
+
+def test_a_long_elements_result_is_the_same_in_memory_and_from_its_file(tmp_path):
+    for segments, kept in ((100, True), (101, False)):
+        result = not_scanned(Element("long", Circle(0.05), 20.0, segments), "")
+        linear_ik.write_result(result, tmp_path / "r.json")
+        read = linear_ik.read_result(tmp_path / "r.json")
+        for one in (light(result), light(read)):
+            assert (one.configuration_covariance is not None) == kept
+
+
 def test_files_are_named_as_every_file_system_takes_it():
-    stems = file_stems(["0Ab$_", "0aB$_", "../evil", "a/b", "", "0ab$_", "x" * 100])
-    assert stems["0Ab$_"] == "0Ab$_"
+    stems = file_stems(["0Ab$_", "0aB$_", "../evil", "a/b", "", "0ab$_", "x" * 100, "0ac$_"])
+    assert stems["0ac$_"] == "0ac$_"
+    assert file_stems(["0ab$_", "0aB$_"]) == {guid: stems[guid] for guid in ("0ab$_", "0aB$_")}
     assert len({s.lower() for s in stems.values()}) == len(stems)
     assert all(
         s and set(s) <= set("0123456789ABCDEFGHIJKLMNOPQRSTUVWXYZabcdefghijklmnopqrstuvwxyz_$-") for s in stems.values()

@@ -14,6 +14,7 @@ from linear_ik.profile import Circle, Rectangle
 from linear_ik.scan import Scan
 from linear_ik.scene import box_mesh, element_mesh
 from linear_ik.site.body import Body
+from linear_ik.site.box_tree import BoxTree
 from linear_ik.site.contest import Claimant, contest
 from linear_ik.site.handout import hand_out, moved
 from linear_ik.site.neighbourhood import STRETCHES, Neighbourhoods, boxes_of
@@ -238,3 +239,15 @@ def test_an_obstacle_mesh_may_be_another_member():
     )
     box = Element("far", Rectangle(0.1, 0.1), 1.0, placement=Placement((50, 0, 0)))
     assert not len(ObstacleField([(mesh.vertices, mesh.triangles)]).near(boxes_of(box, 0.2)).triangles)
+
+
+@pytest.mark.parametrize("count", [0, 1, 16, 17, 3000])
+def test_a_tree_of_boxes_finds_those_that_meet_another(count):
+    rng = np.random.default_rng(count)
+    low = rng.uniform(0, 100, (count, 3))
+    high = low + rng.exponential(2.0, (count, 3))
+    tree = BoxTree(low, high)
+    for _ in range(20):
+        a = rng.uniform(-5, 100, 3)
+        b = a + rng.uniform(0, 30, 3)
+        assert np.array_equal(tree.meeting(a, b), np.flatnonzero(((low <= b) & (high >= a)).all(axis=1)))

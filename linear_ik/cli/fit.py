@@ -132,7 +132,7 @@ def fit(
 
     inputs = [element, *scan]
     for_models: dict[str, object] = {
-        "only": None if only is None else tuple(guid for guid in only.split(",") if guid),
+        "only": None if only is None else tuple(guid.strip() for guid in only.split(",") if guid.strip()),
         "classes": None if classes is None else tuple(classes),
         "segments": segments,
         "reach_m": reach,

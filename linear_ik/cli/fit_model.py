@@ -9,7 +9,7 @@ from collections.abc import Mapping
 from pathlib import Path
 from typing import TYPE_CHECKING
 
-from linear_ik.cli.outputs import check_folder
+from linear_ik.cli.outputs import check_folder, check_output
 from linear_ik.cli.process import NOT_SCANNED, Outcome, about_options
 from linear_ik.cli.progress import Progress
 from linear_ik.errors import LinearIkError, SettingsError
@@ -22,6 +22,7 @@ if TYPE_CHECKING:
     from linear_ik.settings import FitSettings
 
 SUFFIXES = (".ifc", ".ifczip", ".ifcxml")
+OUTPUTS = ("asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json")
 # Without a terminal: a line for a log, not one an element.
 LINE_EVERY_S = 30.0
 OPTIONS = {
@@ -72,11 +73,15 @@ def fit_building(
         LinearIkError: bad input.
     """
     folder = check_folder(output)
+    for name in OUTPUTS:
+        check_output(output / name, [design, *scans, *([] if transform is None else [transform])])
     given = {name: value for name, value in options.items() if value is not None}
     if inverse and transform is None:
         raise LinearIkError("--inverse", "given without --transform", "both")
     if transform is not None:
         given["T_model_scan"] = read_transform(transform, inverse)
+    if given.get("only") == ():
+        raise LinearIkError("--only", "names no element", "GlobalIds, separated by commas")
     from linear_ik.model_fit import ModelFitOptions, fit_model
 
     talk = _Talk(quiet)

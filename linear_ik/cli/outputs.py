@@ -7,6 +7,7 @@ import tempfile
 from collections.abc import Iterable
 from pathlib import Path
 
+from linear_ik.atomic import same_file
 from linear_ik.errors import OutputError
 
 # What a run's folder holds: `fit` of a model wrote it, and other verbs read it.
@@ -38,12 +39,12 @@ def check_output(path: Path, inputs: Iterable[Path] = (), others: Iterable[Path]
         if target.is_dir():
             raise OutputError(path, "is a folder", "a file name")
         for other in inputs:
-            if _same(target, other):
+            if same_file(target, other):
                 raise OutputError(path, "is one of the files that are read", "another file name")
             if _belongs_to_run(target, other):
                 raise OutputError(path, f"belongs to the results in {other}", "another file name, or another folder")
         for other in others:
-            if _same(target, other):
+            if same_file(target, other):
                 raise OutputError(path, "is given for two outputs", "a file name of its own for each")
         if target.exists() and not os.access(target, os.W_OK):
             raise OutputError(path, "is write-protected", "a file that may be replaced")
@@ -68,14 +69,6 @@ def check_folder(path: Path) -> Path:
     except (OSError, ValueError) as error:
         raise OutputError(path, f"cannot be written: {_reason(error)}", "a writable place") from None
     return target
-
-
-def _same(target: Path, other: Path) -> bool:
-    try:
-        return target == Path(os.path.realpath(other)) or target.samefile(other)
-    except (OSError, ValueError):
-        # Neither exists, or the other is no possible name: whoever opens it says so.
-        return False
 
 
 def _belongs_to_run(target: Path, folder: Path) -> bool:

@@ -91,8 +91,8 @@ def colour_scan(
             out.files.append(LAZ)
         else:
             out.notes.append(f'{LAZ} was not written: it needs laspy and lazrs (pip install "linear_ik[scan]")')
-        for points, deviation, element in _belonging(pieces(), found, fits.neighbourhoods):
-            done += len(points)
+        for read, points, deviation, element in _belonging(pieces(), found, fits.neighbourhoods):
+            done += read
             if len(element):
                 colours = colours_of(deviation, options.legend_m)
                 for cloud in clouds:
@@ -116,8 +116,8 @@ def colour_scan(
 
 def _belonging(
     pieces: Iterable[Scan], found: dict[int, FitResult], neighbourhoods: Neighbourhoods
-) -> Iterator[tuple[Array, Array, Index]]:
-    """Yield the points [P][3] of each piece that belong to an element, their deviation [P], and the element [P]."""
+) -> Iterator[tuple[int, Array, Array, Index]]:
+    """Yield for each piece how many points it has, those [P][3] on an element, their deviation [P] and element [P]."""
     fitted = {i: Body.fitted(result) for i, result in found.items()}
     designed = {i: Body.designed(result.element) for i, result in found.items()}
     gate = {i: max(ON_SURFACE_M, NOISES * _noise(result)) for i, result in found.items()}
@@ -143,7 +143,7 @@ def _belonging(
         for i in np.unique(owner[rows]):
             of_i = owner[rows] == i
             deviation[of_i] = fitted[int(i)].deviations(points[rows[of_i]], designed[int(i)])
-        yield points[rows], deviation, owner[rows]
+        yield len(points), points[rows], deviation, owner[rows]
 
 
 def _noise(result: FitResult) -> float:

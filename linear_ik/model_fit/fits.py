@@ -46,12 +46,14 @@ class Row:
         result: None where the fit failed.
         failure: why; else empty.
         facts: counts of its points.
+        file: of the result, in the folder; where the fit failed there is none.
     """
 
     member: Member
     result: FitResult | None
     failure: str
     facts: Facts
+    file: str = ""
 
     @property
     def status(self) -> str:
@@ -81,6 +83,7 @@ class Fits:
     ) -> None:
         """Find out what each fit hangs on, and which are known from earlier runs."""
         self.members, self.settings, self.options, self.folder = members, settings, options, folder
+        self._index = {member.guid: i for i, member in enumerate(members)}
         self._field = ObstacleField(obstacles)
         self._reach = [_reach_m(member, options) for member in members]
         T = None if T_model_scan is None else T_model_scan.tolist()
@@ -117,7 +120,14 @@ class Fits:
     def rows(self) -> list[Row]:
         """One for each member."""
         return [
-            Row(m, self._results.get(m.guid), self._failures.get(m.guid, ""), self._facts[m.guid]) for m in self.members
+            Row(
+                m,
+                self._results.get(m.guid),
+                self._failures.get(m.guid, ""),
+                self._facts[m.guid],
+                self.folder.element_path(m.guid).relative_to(self.folder.path).as_posix(),
+            )
+            for m in self.members
         ]
 
     def prepare(self, pieces: Callable[[], Iterable[Scan]], listener: Listener) -> None:
@@ -131,6 +141,12 @@ class Fits:
             return
         self._hand_out(pieces, listener)
         self.folder.keep_scan_extent(self._scan_inputs, self.extent)
+
+    def take_over(self) -> None:
+        """Let the folder hold results of these members alone; those of others wait beside it for another run."""
+        self.folder.set_aside([member.guid for member in self.members])
+        for guid in self._results:
+            self.folder.bring_back(guid)
 
     def first(self, pool: Pool, listener: Listener) -> None:
         """Fit every member that is not known."""
@@ -149,13 +165,16 @@ class Fits:
         rivals, inputs = self._rivals(), self._contest_inputs()
         open_ones = []
         finals: dict[str, tuple[FitResult, Facts]] = {}
-        for i, fp in inputs.items():
-            guid = self.members[i].guid
-            known = self.folder.known(guid, "final", fp)
-            if known is None:
+        for i, member in enumerate(self.members):
+            if member.guid not in self._results:
+                continue
+            known = self.folder.known(member.guid, "final", inputs[i]) if i in inputs else None
+            if known is not None:
+                finals[member.guid] = light(known[0]), known[1]
+                continue
+            self.folder.back_to_first(member.guid)
+            if i in inputs:
                 open_ones.append(i)
-            else:
-                finals[guid] = light(known[0]), known[1]
         claimants = {j: Claimant.of(self._results[self.members[j].guid]) for i in open_ones for j in rivals[i]}
 
         def tasks() -> Iterator[Task]:
@@ -164,10 +183,9 @@ class Fits:
                 others = tuple(claimants[j] for j in rivals[i])
                 yield replace(self._task(i), first=first, rivals=others)
 
-        index = {m.guid: i for i, m in enumerate(self.members)}
         for outcome in self._run(pool, tasks(), len(open_ones), "settling between neighbours", listener):
             guid = outcome.guid
-            fp = inputs[index[guid]]
+            fp = inputs[self._index[guid]]
             facts = {**self._facts[guid], **outcome.facts}
             if outcome.failure:
                 self._failures[guid] = outcome.failure
@@ -214,15 +232,17 @@ class Fits:
 
     def _received(self, guid: str) -> int:
         assert self._spill is not None
-        return int(self._spill.received[[m.guid for m in self.members].index(guid)])
+        return int(self._spill.received[self._index[guid]])
 
     def _rivals(self) -> dict[int, list[int]]:
-        """Return for each member that has a result those with a result whose bodies may touch its own."""
+        """Return for each member that has points and a result those that were found and may touch it."""
         if not self.options.contest:
             return {}
         near = Neighbourhoods.of([m.element for m in self.members], [RIVAL_REACH_M + r / 2 for r in self._reach])
-        have = {i for i, m in enumerate(self.members) if m.guid in self._results}
-        return {i: [j for j in others if j in have] for i, others in near.neighbours().items() if i in have}
+        found = {self._index[guid] for guid, result in self._results.items() if result.status != "not_scanned"}
+        # One that was not found may be, when its neighbours have taken what is theirs.
+        with_points = {self._index[g] for g in self._results if _own_points(self._facts[g])}
+        return {i: [j for j in others if j in found] for i, others in near.neighbours().items() if i in with_points}
 
     def _contest_inputs(self) -> dict[int, str]:
         """Return for each member in a contest the fingerprint of what that hangs on."""
@@ -267,6 +287,11 @@ class Fits:
             spill.received[:] = done["received"]
         self._spill, self.extent = spill, done["extent"]
         self._stations = np.array(done["stations"]) if done["stations"] else None
+
+
+def _own_points(facts: Facts) -> int:
+    """Return how many points an element was fitted to first."""
+    return int(facts["points"] - facts["on_obstacles"])
 
 
 def _reach_m(member: Member, options: ModelFitOptions) -> float:

@@ -12,6 +12,7 @@ import json
 import os
 import re
 import shutil
+from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
@@ -19,7 +20,7 @@ from typing import Any, TextIO
 
 from linear_ik.atomic import write_atomically
 from linear_ik.errors import LinearIkError, OutputError
-from linear_ik.exports.result_json import read_result, write_result
+from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, read_result, write_result
 from linear_ik.result import FitResult
 
 SAFE = re.compile(r"[0-9A-Za-z_$-]{1,64}\Z")
@@ -35,19 +36,18 @@ def fingerprint(*parts: object) -> str:
 
 
 def file_stems(guids: Sequence[str]) -> dict[str, str]:
-    """Return a file name without ending for each GlobalId: itself, wherever a file system takes it.
+    """Return a file name without ending for each GlobalId of a design: itself, wherever a file system takes it.
 
-    Some file systems take no difference between capitals and small letters: of two names that
-    differ in nothing else the later gets a suffix.
+    Some file systems take no difference between capitals and small letters: names that differ
+    in nothing else all get a suffix, each its own, whatever the order they come in.
     """
+    alike = Counter(guid.lower() for guid in guids)
     stems: dict[str, str] = {}
-    taken: set[str] = set()
     for guid in guids:
         stem = guid
-        if not SAFE.match(guid) or guid.lower() in taken:
+        if not SAFE.match(guid) or alike[guid.lower()] > 1:
             stem = re.sub(r"[^0-9A-Za-z_$-]", "_", guid)[:40] + "-" + hashlib.sha256(guid.encode()).hexdigest()[:8]
         stems[guid] = stem
-        taken.add(stem.lower())
     return stems
 
 
@@ -60,7 +60,12 @@ class RunFolder:
     """
 
     def __init__(self, path: Path, guids: Sequence[str]) -> None:
-        """Name the files; nothing is made yet."""
+        """Name the files; nothing is made yet.
+
+        Args:
+            path: the folder.
+            guids: of all members of the design, so that names are the same whichever are fitted.
+        """
         self.path, self._stems = path, file_stems(guids)
         self.scratch = path / STATE / "points"
         self._made = False
@@ -74,7 +79,7 @@ class RunFolder:
         """
         made = not self.path.exists()
         try:
-            for folder in (self.path / "elements", self.path / STATE / "first"):
+            for folder in (self.path / "elements", self.path / STATE / "first", self.path / STATE / "other"):
                 folder.mkdir(parents=True, exist_ok=True)
             self._lock = (self.path / STATE / "lock").open("a")
         except OSError as error:
@@ -85,7 +90,45 @@ class RunFolder:
             raise OutputError(self.path, "another run is at work in it", "another folder, or wait") from None
         except OSError:
             pass  # a network file system without locks
+        else:
+            self._sweep()
         self._made = made
+
+    def _sweep(self) -> None:
+        """Remove what a run that was killed was writing; nobody else is, under the lock."""
+        state = self.path / STATE
+        for folder in (self.path, self.path / "elements", state, state / "first", state / "other"):
+            for path in folder.glob(".linear_ik-*"):
+                path.unlink(missing_ok=True)
+
+    def set_aside(self, guids: Sequence[str]) -> None:
+        """Keep results of elements that are not of this run out of ``elements``: whoever reads it takes all there is.
+
+        Args:
+            guids: of the run's members.
+
+        Raises:
+            OutputError: they cannot be moved.
+        """
+        names = {self.element_path(guid).name for guid in guids}
+        for path in sorted((self.path / "elements").glob("*.json")):
+            if path.name not in names:
+                self._move(path, self.path / STATE / "other" / path.name)
+
+    def bring_back(self, guid: str) -> None:
+        """Put the result of an element that was set aside where it was.
+
+        Raises:
+            OutputError: it cannot be moved.
+        """
+        if self._other_path(guid).exists():
+            self._move(self._other_path(guid), self.element_path(guid))
+
+    def _move(self, path: Path, to: Path) -> None:
+        try:
+            os.replace(path, to)
+        except OSError as error:
+            raise OutputError(to, f"cannot be written: {error.strerror}", "a folder that is writable") from None
 
     def release(self) -> None:
         """Let other runs in."""
@@ -120,7 +163,9 @@ class RunFolder:
         record = self._records(guid).get(stage, {})
         if record.get("inputs") != inputs:
             return None
-        paths = [self.element_path(guid)] if stage == "final" else [self._first_path(guid), self.element_path(guid)]
+        paths = [self.element_path(guid), self._other_path(guid)]
+        if stage == "first":
+            paths.insert(0, self._first_path(guid))
         for path in paths:
             try:
                 if _sha256(path) == record["sha256"]:
@@ -142,7 +187,8 @@ class RunFolder:
         elif stage == "first":
             self._first_path(guid).unlink(missing_ok=True)
             records = {}
-        write_result(result, path)
+        write_result(result, path, {"guid": guid})
+        self._other_path(guid).unlink(missing_ok=True)
         records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
         write_atomically(self._state_path(guid), json.dumps(records) + "\n")
 
@@ -152,9 +198,25 @@ class RunFolder:
         records["final"] = {**records["first"], "inputs": inputs, "facts": facts}
         write_atomically(self._state_path(guid), json.dumps(records) + "\n")
 
+    def back_to_first(self, guid: str) -> None:
+        """Undo a contest of an earlier run: the first result is the element's again.
+
+        Raises:
+            OutputError: it cannot be moved.
+        """
+        path, records = self._first_path(guid), self._records(guid)
+        if path.exists():
+            if _sha256(path) == records.get("first", {}).get("sha256"):
+                self._move(path, self.element_path(guid))
+            else:
+                path.unlink()
+        if records.pop("final", None) is not None:
+            write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+
     def forget(self, guid: str) -> None:
         """Remove what an earlier run left of an element that has failed now."""
-        for path in (self._state_path(guid), self._first_path(guid), self.element_path(guid)):
+        paths = (self._state_path(guid), self._first_path(guid), self._other_path(guid), self.element_path(guid))
+        for path in paths:
             path.unlink(missing_ok=True)
 
     def scan_extent(self, inputs: str) -> dict[str, Any]:
@@ -179,6 +241,11 @@ class RunFolder:
         """Remove the points."""
         shutil.rmtree(self.scratch, ignore_errors=True)
 
+    def clear_part(self) -> None:
+        """Remove the points unless all were handed out: then the next run need not read the scan again."""
+        if not (self.scratch / "complete.json").exists():
+            self.clear_scratch()
+
     def take_back(self) -> None:
         """Leave nothing of a run that could not start."""
         self.clear_scratch()
@@ -187,6 +254,9 @@ class RunFolder:
 
     def _first_path(self, guid: str) -> Path:
         return self.path / STATE / "first" / f"{self._stems[guid]}.json"
+
+    def _other_path(self, guid: str) -> Path:
+        return self.path / STATE / "other" / f"{self._stems[guid]}.json"
 
     def _state_path(self, guid: str) -> Path:
         return self.path / STATE / f"{self._stems[guid]}.json"
@@ -200,8 +270,12 @@ class RunFolder:
 
 
 def light(result: FitResult) -> FitResult:
-    """Return a result with the last iteration's record alone: thousands of elements are kept in memory."""
-    return replace(result, history=result.history[-1:])
+    """Return a result as small as can be, for thousands are kept in memory, and the same whether read or made now.
+
+    Of the history the last record stays; of the covariance what the file holds.
+    """
+    joint = result.configuration_covariance if result.element.segments <= MOST_WITH_COVARIANCE else None
+    return replace(result, history=result.history[-1:], configuration_covariance=joint)
 
 
 def _sha256(path: Path) -> str:

@@ -12,12 +12,11 @@ from pathlib import Path
 
 import numpy as np
 
-from linear_ik.atomic import write_atomically
+from linear_ik.atomic import same_file, write_atomically
 from linear_ik.design_model import DesignModel
-from linear_ik.errors import LinearIkError
+from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
-from linear_ik.model_fit.asbuilt import write_asbuilt
-from linear_ik.model_fit.colours import colour_scan
+from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
 from linear_ik.model_fit.fits import Fits, Listener, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.options import ModelFitOptions
@@ -31,7 +30,7 @@ from linear_ik.settings import FitSettings
 from linear_ik.site.handout import moved
 
 SCHEMA = "linear_ik/run/1"
-ASBUILT = "asbuilt.ifc"
+ASBUILT, TABLE, REPORT = "asbuilt.ifc", "elements.csv", "run.json"
 BYTES_A_POINT = 400  # while a piece of the scan is handed out
 
 
@@ -97,20 +96,22 @@ def fit_model(
         for path in paths:
             yield from moved(iter_scan(path, chunk), T)
 
+    design_path = None if isinstance(design, DesignModel) else Path(design)
+    _keep_inputs(Path(output_folder), paths if design_path is None else [design_path, *paths])
     for path in paths:
         iter_scan(path, chunk)  # says at once what can be seen from outside
     listener("reading the design", 0, 0, float("nan"))
-    design_path = None if isinstance(design, DesignModel) else Path(design)
     model = design if isinstance(design, DesignModel) else _read_design(Path(design), listener)
     T = scan_to_model(model, options)
     members, obstacles = select(model, options)
-    folder = RunFolder(Path(output_folder), [member.guid for member in members])
+    folder = RunFolder(Path(output_folder), [member.guid for member in model.members])
     pool = make_pool(options, len(members))
     clock = _Clock()
     try:
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths), T)
         _hand_out(fits, folder, pieces, listener)
+        fits.take_over()
         clock.lap("hand_out")
         fits.first(pool, listener)
         clock.lap("first_fits")
@@ -125,12 +126,23 @@ def fit_model(
             "T_model_scan": (np.eye(4) if T is None else T).tolist(),
             "timings_s": clock.timings_s(),
         }
-        write_atomically(folder.path / "run.json", json.dumps(report, indent=1, default=list) + "\n")
+        write_atomically(folder.path / REPORT, json.dumps(report, indent=1, default=list) + "\n")
         folder.clear_scratch()
         return found
     finally:
         pool.close()
         folder.release()
+
+
+def _keep_inputs(folder: Path, inputs: Sequence[Path]) -> None:
+    """Refuse a folder in which a file that is read would be replaced or removed.
+
+    Raises:
+        OutputError: it is one.
+    """
+    for name in (ASBUILT, PLY, LAZ, TABLE, REPORT):
+        if any(same_file(folder / name, path) for path in inputs):
+            raise OutputError(folder / name, "is one of the files that are read", "another folder")
 
 
 class _Clock:
@@ -154,7 +166,7 @@ def _hand_out(fits: Fits, folder: RunFolder, pieces: Callable[[], Iterator[Scan]
         folder.take_back()
         raise
     except KeyboardInterrupt:
-        folder.clear_scratch()
+        folder.clear_part()
         raise
 
 
@@ -163,17 +175,22 @@ def _write(
 ) -> tuple[ModelFit, dict[str, object]]:
     """Write the files that are about all elements; return what was found, and what run.json says of it."""
     folder, options, rows = fits.folder.path, fits.options, fits.rows
-    files, notes = ["elements.csv"], list(model.notes)
+    files, notes = [TABLE], list(model.notes)
     if fits.extent and not fits.extent["in_a_neighbourhood"]:
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
-    write_table(rows, folder / "elements.csv")
+    write_table(rows, folder / TABLE)
     shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
     coloured = colour_scan(pieces, fits, folder, options, fingerprint(fits.inputs, options.legend_m, shapes), listener)
     files += coloured.files
     notes += coloured.notes
     if design is not None:
         listener("writing asbuilt.ifc", 0, 0, float("nan"))
-        notes += write_asbuilt(design, fits.results, folder / ASBUILT)
+        from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
+
+        def on_left(guid: str, what: str) -> None:
+            notes.append(f"{guid} is as designed in {ASBUILT}: {what}")
+
+        write_asbuilt_ifc(design, fits.results, folder / ASBUILT, on_left=on_left)
         files.append(ASBUILT)
     counts = dict(Counter(row.status for row in rows))
     report: dict[str, object] = {
@@ -189,7 +206,7 @@ def _write(
         "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": fits.fitted_now},
         "versions": versions(),
     }
-    return ModelFit(tuple(rows), folder, counts, (*files, "run.json"), tuple(notes)), report
+    return ModelFit(tuple(rows), folder, counts, (*files, REPORT), tuple(notes)), report
 
 
 def make_pool(options: ModelFitOptions, elements: int) -> Pool:

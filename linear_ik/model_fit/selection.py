@@ -41,14 +41,14 @@ def select(model: DesignModel, options: ModelFitOptions) -> tuple[list[Member], 
             raise SettingsError("only", f"{guid} is not in the design", f"{near[0]}?" if near else "a GlobalId")
     classes = sorted({member.ifc_class for member in model.members})
     for name in options.classes:
-        if name.lower() not in (c.lower() for c in classes):
+        if _kind(name) not in (_kind(c) for c in classes):
             raise SettingsError("classes", f"{name} is not in the design", ", ".join(classes))
-    wanted = {name.lower() for name in options.classes}
+    wanted = {_kind(name) for name in options.classes}
     chosen: list[Member] = []
     rest: list[Member] = []
     for member in model.members:
         fits = not options.only or member.guid in options.only
-        fits &= not wanted or member.ifc_class.lower() in wanted
+        fits &= not wanted or _kind(member.ifc_class) in wanted
         (chosen if fits else rest).append(member)
     if not chosen:
         raise LinearIkError(model.source, "no element is in both --only and --class", "at least one")
@@ -59,3 +59,8 @@ def select(model: DesignModel, options: ModelFitOptions) -> tuple[list[Member], 
         mesh = element_mesh(member.element)
         bodies.append((mesh.vertices, mesh.triangles))
     return chosen, bodies
+
+
+def _kind(ifc_class: str) -> str:
+    """Return a class as compared: IFC2X3 and IFC4 call a beam of constant section IfcBeamStandardCase."""
+    return ifc_class.lower().removesuffix("standardcase")

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from linear_ik.atomic import write_atomically
 from linear_ik.deviation import Figure, deviations
+from linear_ik.errors import LinearIkError
 from linear_ik.model_fit.fits import Row
 from linear_ik.result import FitResult
 
@@ -51,6 +52,7 @@ COLUMNS = (
     "out_of_plumb_band95_mm",
     "surface_rmse_mm",
     "range_noise_mm",
+    "file",
 )
 
 
@@ -88,6 +90,7 @@ def line(row: Row) -> dict[str, object]:
     }
     if result is None:
         return values
+    values["file"] = row.file
     values["matched_points"] = sum(s.points for s in result.segments)
     measured = sum(s.status == "measured" for s in result.segments)
     values["measured_share"] = f"{measured / len(result.segments):.2f}"
@@ -110,7 +113,6 @@ def figures(result: FitResult) -> dict[str, float]:
     k = int(size.argmax())
     middle = len(along) // 2
     along_sd = math.sqrt(max(float(tangents[middle] @ result.nodes_covariance_m2[middle] @ tangents[middle]), 0.0))
-    shape = deviations(result)
     return {
         "max_offset_mm": 1e3 * size[k],
         # A node that is less far out but less well known may be the farthest.
@@ -122,10 +124,7 @@ def figures(result: FitResult) -> dict[str, float]:
         "end_offset_band95_mm": 1e3 * band[-1],
         "along_axis_mm": 1e3 * along[middle],
         "along_axis_band95_mm": 1e3 * BAND_95 * along_sd,
-        **_figure("bow", shape.bow_m),
-        **_figure("sag", shape.sag_m),
-        **_figure("sweep", shape.sweep_m),
-        **_figure("out_of_plumb", shape.out_of_plumb_m),
+        **_shape(result),
         "surface_rmse_mm": 1e3 * result.surface_rmse_m,
         "range_noise_mm": 1e3 * result.range_noise_m,
     }
@@ -138,6 +137,20 @@ def _lengths(vectors: Array, covariance: Array) -> tuple[Array, Array]:
     unit = vectors / np.maximum(size, 1e-12)[:, None]
     variance = np.where(size > 1e-9, np.einsum("ki,kij,kj->k", unit, covariance, unit), widest)
     return size, BAND_95 * np.sqrt(np.maximum(variance, 0.0))
+
+
+def _shape(result: FitResult) -> dict[str, float]:
+    """Return the figures against the chord; none for an element that has no chord, such as a ring."""
+    try:
+        shape = deviations(result)
+    except LinearIkError:
+        return {}
+    return {
+        **_figure("bow", shape.bow_m),
+        **_figure("sag", shape.sag_m),
+        **_figure("sweep", shape.sweep_m),
+        **_figure("out_of_plumb", shape.out_of_plumb_m),
+    }
 
 
 def _figure(name: str, figure: Figure) -> dict[str, float]:

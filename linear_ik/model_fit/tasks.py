@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from linear_ik.element import Element
 from linear_ik.errors import LinearIkError
-from linear_ik.fit import fit
+from linear_ik.fit import ABSENT, fit, not_scanned
 from linear_ik.result import FitResult
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
@@ -18,8 +18,6 @@ from linear_ik.site.contest import Claimant, contest
 from linear_ik.site.obstacles import Mesh, masked
 
 Array = npt.NDArray[np.float64]
-
-FAR_M = 1000.0
 
 
 @dataclass(frozen=True, eq=False)
@@ -95,9 +93,7 @@ def _run(task: Task) -> Outcome:
 
 def _fit(task: Task, rows: npt.NDArray[np.bool_]) -> FitResult:
     if not rows.any():
-        start = task.element.placement.T_world_element[:3, 3]
-        result = fit(task.element, Scan(start[None] + FAR_M), task.settings)
-        near = f"the element is not in the scan: no points within {1e3 * task.reach_m:.0f} mm of its designed surface"
-        return replace(result, reasons=(near,))
+        near = f"{ABSENT}: no points within {1e3 * task.reach_m:.0f} mm of its designed surface"
+        return not_scanned(task.element, near, task.settings)
     index = None if task.station_index is None else task.station_index[rows]
     return fit(task.element, Scan(task.points[rows], None, task.stations, index), task.settings)

@@ -14,6 +14,7 @@ import numpy.typing as npt
 
 from linear_ik.element import Element
 from linear_ik.site.body import Body
+from linear_ik.site.box_tree import BoxTree
 from linear_ik.site.neighbourhood import Boxes
 
 Array = npt.NDArray[np.float64]
@@ -44,18 +45,18 @@ class ObstacleField:
         """Take (vertices [V][3], triangles [T][3]) of each obstacle, in the model's coordinates."""
         corners = [np.asarray(v, dtype=np.float64)[t] for v, t in meshes if len(t)]
         self._corners = np.concatenate(corners) if corners else np.empty((0, 3, 3))
-        self._low, self._high = self._corners.min(axis=1), self._corners.max(axis=1)
+        self._tree = BoxTree(self._corners.min(axis=1), self._corners.max(axis=1))
 
     def near(self, boxes: Boxes) -> Mesh:
         """Return the triangles that may reach into an element's neighbourhood."""
         middle, half = (boxes.low_m + boxes.high_m) / 2, (boxes.high_m - boxes.low_m) / 2 + ON_IT_M
-        chosen = np.zeros(len(self._corners), dtype=bool)
+        chosen = [np.empty(0, dtype=np.intp)]
         for R, origin, m, h in zip(boxes.R, boxes.origin_m, middle, half, strict=True):
             centre, extent = origin + R @ m, np.abs(R) @ h
-            rows = np.flatnonzero((self._low <= centre + extent).all(1) & (self._high >= centre - extent).all(1))
+            rows = self._tree.meeting(centre - extent, centre + extent)
             local = (self._corners[rows] - centre) @ R
-            chosen[rows[((local.min(axis=1) <= h) & (local.max(axis=1) >= -h)).all(axis=1)]] = True
-        corners = self._corners[chosen].reshape(-1, 3)
+            chosen.append(rows[((local.min(axis=1) <= h) & (local.max(axis=1) >= -h)).all(axis=1)])
+        corners = self._corners[np.unique(np.concatenate(chosen))].reshape(-1, 3)
         return Mesh(corners, np.arange(len(corners)).reshape(-1, 3))
 
 
