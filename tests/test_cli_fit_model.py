@@ -92,13 +92,26 @@ def test_the_person_is_told_what_was_found(fitted):
     assert "asbuilt.ifc" in lines[-1]
 
 
+# Long enough after a result for somebody to press Ctrl-C, however busy the machine.
+PAUSING = """
+import time
+from linear_ik.model_fit.folder import RunFolder
+keep = RunFolder.keep
+def keep_and_pause(*what):
+    keep(*what)
+    time.sleep(60)
+RunFolder.keep = keep_and_pause
+from linear_ik.cli import main
+main()
+"""
+
+
 def test_ctrl_c_leaves_what_is_finished_and_nothing_half(frame, fitted, tmp_path):
     _, folder = frame
     out = tmp_path / "asbuilt"
-    code = "from linear_ik.cli import main; main()"
     arguments = ["fit", folder / "design.ifc", folder / "site.laz", "-o", out, "--only", ",".join(fitted[2])]
     process = subprocess.Popen(
-        [sys.executable, "-c", code, *map(str, arguments), "--workers", "1"],
+        [sys.executable, "-c", PAUSING, *map(str, arguments), "--workers", "1"],
         stdout=subprocess.PIPE,
         stderr=subprocess.PIPE,
         text=True,
