@@ -267,6 +267,17 @@ def test_the_largest_is_as_uncertain_as_any_node_that_may_be_it() -> None:
     assert row["max_offset_mm"] + row["max_offset_band95_mm"] > 6.0
 
 
+def test_the_band_of_a_departure_is_the_one_along_it() -> None:
+    """Not the diagonal of a box about both axes' bands."""
+    column = Element("column", H, 3.0, 6, COLUMN)
+    angles = np.zeros((6, 3))
+    angles[0, 1] = 0.01  # towards local X
+    d = deviations(posed(column, angles))
+    np.testing.assert_allclose(d.departure_band_m[1:], d.departure_m.band[1:, 0], rtol=1e-3)
+    assert d.departure_band_m[6] < 0.8 * np.hypot(*d.departure_m.band[6])
+    assert d.departure_max_m.band == pytest.approx(d.departure_band_m[6])
+
+
 SEEDS = 80
 
 

@@ -23,7 +23,7 @@ from linear_ik.element import Element, Placement
 from linear_ik.errors import SettingsError, ToleranceError
 from linear_ik.exports.result_json import ResultError, write_result
 from linear_ik.profile import CircleHollow, IShape
-from linear_ik.report import Run, judged_member, read_run, render, write_report
+from linear_ik.report import Run, judged_member, nearby, read_run, render, write_report
 from linear_ik.report.cloud import Cloud, T_world_segments
 from linear_ik.report.svg import curve_plot, section_plot
 from linear_ik.report.words import figure_rows, seen, with_band
@@ -290,6 +290,24 @@ def test_points_near_a_member_and_no_others() -> None:
     start = result.nodes_m[:-1][near.segment]
     along = np.einsum("ij,ij->i", near.points - start, (result.nodes_m[1:] - result.nodes_m[:-1])[near.segment]) / 0.25
     np.testing.assert_allclose(np.clip(along, 0, 1), at - near.segment, atol=1e-6)
+
+
+def test_a_scan_in_pieces_shows_what_the_whole_one_does(monkeypatch: pytest.MonkeyPatch) -> None:
+    element = Element("e", H, 3.0, 6, BEAM)
+    points = simulate(element, points=3000, noise_m=0.001, seed=3).points
+    far = posed(Element("far", H, 3.0, 6, replace(BEAM, location=(0.0, 0.0, 0.0))), np.zeros((6, 3)))
+    gone = replace(far, status="not_scanned")
+    run = Run("r", tuple(judged_member(r) for r in (posed(element, np.zeros((6, 3))), far, gone)))
+    whole, pieces = (nearby(run, [Scan(part) for part in parts]) for parts in ([points], np.array_split(points, 7)))
+    for near in (whole, pieces):
+        assert len(near.of_members[0].points) > 2900 and len(near.of_members[1].points) == 0
+        assert near.of_members[2] is None
+    np.testing.assert_allclose(np.sort(whole.of_members[0].s_m), np.sort(pieces.of_members[0].s_m))
+    assert render(run, whole).count("scan points within 50 mm") >= 1
+    # Many points: a bounded choice, from all of the pieces.
+    monkeypatch.setattr("linear_ik.report.cloud.MOST_POINTS", 700)
+    few = nearby(run, [Scan(part) for part in np.array_split(points[np.argsort(points[:, 0])], 7)]).of_members[0]
+    assert len(few.points) == 700 and min(np.histogram(few.s_m, 6, (0.0, 3.0))[0]) > 80
 
 
 def test_stray_points_at_the_end_of_the_world_hide_nothing() -> None:

@@ -72,9 +72,10 @@ def report(
     points = None
     if scans:
         with progress.stage("reading " + ", ".join(str(path) for path in scans), judges_input=True):
-            from linear_ik.readers import read_scan
+            from linear_ik.readers import iter_scan
+            from linear_ik.report import nearby
 
-            points = read_scan(*scans)
+            points = nearby(run, (piece for path in scans for piece in iter_scan(path)))
     with progress.stage("writing the report"):
         write_report(run, target, points, sections or (), lambda i, n: progress.update(f"writing element {i} of {n}"))
     if not quiet:

@@ -2,7 +2,8 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from collections.abc import Iterable, Sequence
+from dataclasses import dataclass, fields
 from itertools import product
 
 import numpy as np
@@ -18,6 +19,7 @@ Index = npt.NDArray[np.intp]
 NEAR_M = 0.05  # from the fitted surface; what lies farther off is another body
 CELL_M, BITS = 0.5, 20  # of a cell; of its number along each axis
 MOST_POINTS = 40_000  # of a member, before anything is computed
+MOST_OF_ALL, LEAST_OF_EACH = 4_000_000, 2_000  # of all members together: about 250 MB; and of each at least
 
 
 @dataclass(frozen=True, eq=False)
@@ -59,11 +61,14 @@ class Cloud:
             frames: [N][4][4] of its segments, `T_world_segments`.
             seed: of the choice.
         """
+        kept = _Kept(MOST_POINTS, seed)
+        kept.add(self.all_near(result, frames))
+        return kept.near
+
+    def all_near(self, result: FitResult, frames: Array) -> NearPoints:
+        """Return all points within 50 mm of a fitted member; arguments as of `near`."""
         near = _beside(result, frames, self._about(result))
-        rows = np.flatnonzero(near.distance_m <= NEAR_M)
-        if len(rows) > MOST_POINTS:
-            rows = np.sort(np.random.default_rng(seed).choice(rows, MOST_POINTS, replace=False))
-        return NearPoints(near.points[rows], near.segment[rows], near.xy[rows], near.s_m[rows], near.distance_m[rows])
+        return _rows(near, np.flatnonzero(near.distance_m <= NEAR_M))
 
     def _about(self, result: FitResult) -> Array:
         """Return the points of the cells that the segments' boxes touch."""
@@ -86,6 +91,56 @@ class Cloud:
         """Return the cells of coordinates; what is farther off than there are numbers shares the last one."""
         cells: Array = np.floor((values - self._origin[axis]) / CELL_M)
         return np.clip(cells, 0, (1 << BITS) - 1).astype(np.int64)
+
+
+class _Kept:
+    """A random choice of the points near a member, all equally likely, however they come in pieces."""
+
+    def __init__(self, most: int, seed: int = 0) -> None:
+        self._most, self._rng = most, np.random.default_rng(seed)
+        self._order = np.empty(0)
+        nothing = np.empty(0)
+        self.near = NearPoints(np.empty((0, 3)), np.empty(0, dtype=np.intp), np.empty((0, 2)), nothing, nothing)
+
+    def add(self, near: NearPoints) -> None:
+        """Take more points."""
+        order = np.concatenate([self._order, self._rng.random(len(near.points))])
+        both = NearPoints(
+            *(np.concatenate([getattr(part, f.name) for part in (self.near, near)]) for f in fields(NearPoints))
+        )
+        rows = np.arange(len(order))
+        if len(order) > self._most:
+            # Those with the lowest lots stay: the same choice as of all at once.
+            rows = np.sort(np.argpartition(order, self._most)[: self._most])
+        self._order, self.near = order[rows], _rows(both, rows)
+
+
+def gather(pieces: Iterable[Array], members: Sequence[tuple[FitResult, Array] | None]) -> list[NearPoints | None]:
+    """Return the points near each of several members, read piece by piece; a random choice where there are many.
+
+    Args:
+        pieces: points [P][3] of a scan, of which only those near members are kept.
+        members: a result and its frames, see `T_world_segments`; None of one that was not found.
+    """
+    most = min(MOST_POINTS, max(LEAST_OF_EACH, MOST_OF_ALL // max(len(members), 1)))
+    kept = [None if member is None else _Kept(most) for member in members]
+    for points in pieces:
+        if not len(points):
+            continue
+        cloud, low, high = Cloud(points), points.min(axis=0), points.max(axis=0)
+        for member, mine in zip(members, kept, strict=True):
+            if member is None or mine is None:
+                continue
+            result, frames = member
+            reach = surface_of(result.element).reach_m + NEAR_M
+            apart = (result.nodes_m.min(axis=0) - reach > high) | (result.nodes_m.max(axis=0) + reach < low)
+            if not apart.any():
+                mine.add(cloud.all_near(result, frames))
+    return [None if mine is None else mine.near for mine in kept]
+
+
+def _rows(near: NearPoints, rows: Index) -> NearPoints:
+    return NearPoints(*(getattr(near, f.name)[rows] for f in fields(NearPoints)))
 
 
 def T_world_segments(result: FitResult) -> Array:  # noqa: N802 (T_target_source, as small_gicp names transforms)

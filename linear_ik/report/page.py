@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import os
 from collections import Counter
-from collections.abc import Callable, Sequence
+from collections.abc import Callable, Iterable, Sequence
+from dataclasses import dataclass
 from datetime import datetime
 from importlib.metadata import version
 from pathlib import Path
@@ -18,7 +19,7 @@ from linear_ik.atomic import write_atomically
 from linear_ik.deviation import Deviations
 from linear_ik.errors import SettingsError
 from linear_ik.report.body import body_data
-from linear_ik.report.cloud import Cloud, NearPoints, T_world_segments
+from linear_ik.report.cloud import NearPoints, T_world_segments, gather
 from linear_ik.report.members import ReportedMember, Run
 from linear_ik.report.svg import curve_plot, section_plot, strip
 from linear_ik.report.words import figure_rows, list_row, seen, settings_rows, verdict_row, with_band
@@ -37,10 +38,21 @@ NO_LEVEL = {True: "coarser than any level", False: "no level: the fit is in doub
 LEAST_LARGEST_M = 0.003  # of the colours
 
 
+@dataclass(frozen=True, eq=False)
+class Nearby:
+    """What a report shows of a scan.
+
+    Attributes:
+        of_members: points near each member of the run, in its order; None of one that was not found.
+    """
+
+    of_members: tuple[NearPoints | None, ...]
+
+
 def write_report(
     run: Run,
     path: str | os.PathLike[str],
-    scan: Scan | None = None,
+    scan: Scan | Nearby | None = None,
     sections_m: Sequence[float] = (),
     on_member: Callable[[int, int], object] | None = None,
 ) -> Path:
@@ -49,7 +61,7 @@ def write_report(
     Args:
         run: what it is about.
         path: of the file.
-        scan: its points are shown with the members they lie near.
+        scan: its points are shown with the members they lie near; `nearby` keeps those of a large one only.
         sections_m: where sections are shown, from the start; the quarters and the bow where left out.
         on_member: called with how many pages are made, of how many.
 
@@ -62,7 +74,7 @@ def write_report(
 
 def render(
     run: Run,
-    scan: Scan | None = None,
+    scan: Scan | Nearby | None = None,
     sections_m: Sequence[float] = (),
     on_member: Callable[[int, int], object] | None = None,
     made: datetime | None = None,
@@ -71,7 +83,7 @@ def render(
 
     Args:
         run: what it is about.
-        scan: its points are shown with the members they lie near.
+        scan: its points are shown with the members they lie near; `nearby` keeps those of a large one only.
         sections_m: where sections are shown, from the start; the quarters and the bow where left out.
         on_member: called with how many pages are made, of how many.
         made: when; now where left out.
@@ -89,11 +101,11 @@ def render(
         trim_blocks=True,
         lstrip_blocks=True,
     )
-    cloud = None if scan is None else Cloud(_moved(scan.points, run.T_results_scan))
+    near = nearby(run, [scan]) if isinstance(scan, Scan) else scan
     most = max(LEAST_POINTS, min(MOST_POINTS, POINTS_BUDGET_BYTES // POINT_BYTES // max(len(run.members), 1)))
     pages = []
     for i, member in enumerate(run.members):
-        pages.append(_page(member, i, cloud, most, sections_m))
+        pages.append(_page(member, i, None if near is None else near.of_members[i], most, sections_m))
         if on_member is not None:
             on_member(i + 1, len(run.members))
     return environment.get_template("report.html.j2").render(
@@ -108,6 +120,21 @@ def render(
         style=Markup((FOLDER / "report.css").read_text(encoding="utf-8")),
         script=Markup((FOLDER / "report.js").read_text(encoding="utf-8")),
     )
+
+
+def nearby(run: Run, scans: Iterable[Scan]) -> Nearby:
+    """Return the points of a scan near the members of a run, read piece by piece.
+
+    Args:
+        run: what the report is about.
+        scans: pieces of a scan, such as `readers.iter_scan` yields.
+    """
+    members = [None if (frames := _frames(m)) is None else (m.result, frames) for m in run.members]
+    return Nearby(tuple(gather((_moved(scan.points, run.T_results_scan) for scan in scans), members)))
+
+
+def _frames(member: ReportedMember) -> Array | None:
+    return None if member.result.status == "not_scanned" else T_world_segments(member.result)
 
 
 def check_sections(run: Run, sections_m: Sequence[float]) -> None:
@@ -139,12 +166,11 @@ def _counts(run: Run) -> list[tuple[str, int]]:
 
 
 def _page(
-    member: ReportedMember, number: int, cloud: Cloud | None, most_points: int, sections_m: Sequence[float]
+    member: ReportedMember, number: int, near: NearPoints | None, most_points: int, sections_m: Sequence[float]
 ) -> dict[str, Any]:
     """Return what the template says of a member."""
     result, found = member.result, member.deviations
-    frames = None if result.status == "not_scanned" else T_world_segments(result)
-    near = None if cloud is None or frames is None else cloud.near(result, frames)
+    frames = _frames(member)
     noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
     largest_m = max(LEAST_LARGEST_M, float(round(3 * noise_m, 3)))
     accuracy = member.accuracy
