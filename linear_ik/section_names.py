@@ -69,7 +69,9 @@ def _rolled(name: str, kind: str, sizes: list[float]) -> Profile:
         asked = f"{kind}{sizes[0]:g}"
         near = difflib.get_close_matches(asked, names, n=3, cutoff=0.6)
         raise ElementError(
-            "profile", f"unknown section {name[:MOST_CHARACTERS]!r}", "one of " + ", ".join(near or names)
+            "profile",
+            f"unknown section {name[:MOST_CHARACTERS]!r}",
+            f"{', '.join(near)}, or another of {names[0]} to {names[-1]}" if near else "one of " + ", ".join(names),
         )
     depth, width, web, flange, fillet = (value / 1000 for value in table[int(sizes[0])])
     if kind in ("UPE", "UPN"):

@@ -317,8 +317,8 @@ def test_a_scan_in_the_maps_coordinates(built, tmp_path):
     ("change", "hint"),
     [
         (1000.0, ": the scan seems to be in millimetres"),
-        (1.0, ", though the scan is where the design is"),
-        (None, ": the scan and the design are 860.7 m apart (--transform)"),
+        (1.0, ", though the scan is about where the design is (linear-ik align lays it on)"),
+        (None, ": the scan and the design are 860.7 m apart (--transform; see linear-ik align)"),
     ],
 )
 def test_a_scan_elsewhere_is_told_why(built, tmp_path, change, hint):

@@ -37,7 +37,7 @@ def design_lines(model: DesignModel) -> list[str]:
     lines += _table([(str(n), *kind) for kind, n in sorted(kinds.items(), key=lambda one: (one[0][0], -one[1]))])
     remarks = [m for m in model.members if m.remark]
     lines += _listed("remark", [f"{_label(m)}: {m.remark}" for m in remarks])
-    lines.append(_line("left out", str(len(model.left_out)) if model.left_out else "none"))
+    lines.append(_line("left out", str(len(model.left_out)) if model.left_out else "none of the linear classes"))
     lines += _table(_reasons(model.left_out))
     if model.obstacles:
         others = Counter(o.ifc_class for o in model.obstacles)

@@ -7,6 +7,7 @@ from collections import Counter
 
 import numpy as np
 
+from linear_ik.errors import LinearIkError
 from linear_ik.result import FitResult
 
 # Two-sided 95 % of a normal distribution.
@@ -19,6 +20,7 @@ def describe(result: FitResult) -> list[str]:
     lines += [_line("", reason) for reason in result.reasons]
     if result.status != "not_scanned":
         lines.append(_line("tip", tip_displacement(result)))
+        lines += [_line("bow", text) for text in bow(result)]
         noise = f", noise {1000 * result.range_noise_m:.2f} mm" if math.isfinite(result.range_noise_m) else ""
         points = sum(segment.points for segment in result.segments)
         rms = f"{1000 * result.surface_rmse_m:.2f} mm rms over {points:,} matched points{noise}"
@@ -42,6 +44,20 @@ def tip_displacement(result: FitResult) -> str:
     variance = float(moved @ covariance @ moved) / distance**2 if distance > 0 else float(np.linalg.norm(covariance, 2))
     band = 1000 * BAND_95 * math.sqrt(max(variance, 0.0))
     return f"{1000 * distance:.2f} mm from the design, +- {band:.2f} mm (95 %)"
+
+
+def bow(result: FitResult) -> list[str]:
+    """Return the largest offset from the chord with its 95 % band; nothing of an element without a chord."""
+    from linear_ik.deviation import deviations
+
+    try:
+        found = deviations(result).bow_m
+    except LinearIkError:
+        return []
+    if found.value is None:
+        return []
+    band = "band unknown" if found.band is None else f"+- {1000 * found.band:.2f} mm (95 %)"
+    return [f"{1000 * found.value:.2f} mm from the chord between its ends, {band}"]
 
 
 def _line(label: str, text: str) -> str:

@@ -50,9 +50,9 @@ def why_nothing(model: DesignModel, scan_box_m: Array) -> str:
             if _alike(scaled, design) and _apart_m(scaled, design) < NEAR_M:
                 return f"no point is near an element: the scan seems to be in {unit}"
     if apart_m < NEAR_M:
-        return "no point is near an element, though the scan is where the design is"
+        return "no point is near an element, though the scan is about where the design is (linear-ik align lays it on)"
     far = f"{apart_m / 1000:.0f} km" if apart_m >= 10_000 else f"{apart_m:.1f} m"
-    return f"no point is near an element: the scan and the design are {far} apart (--transform)"
+    return f"no point is near an element: the scan and the design are {far} apart (--transform; see linear-ik align)"
 
 
 def _alike(a: Array, b: Array) -> bool:

@@ -143,12 +143,18 @@ class Processes:
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Let processes that are started now use one thread each."""
+    """Let processes that are started now use one thread each, and leave Ctrl-C to this one from their first moment."""
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
+    # What is ignored here stays ignored there; handlers are for the main thread alone to set.
+    handler = None
+    if threading.current_thread() is threading.main_thread():
+        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
     try:
         yield
     finally:
+        if handler is not None:
+            signal.signal(signal.SIGINT, handler)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
