@@ -95,7 +95,9 @@ def test_the_person_is_told_what_was_found(fitted):
 
 # Long enough after a result for somebody to press Ctrl-C, however busy the machine.
 PAUSING = """
-import time
+import signal, time
+# A shell that runs the tests in the background has it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 from linear_ik.model_fit.folder import RunFolder
 keep = RunFolder.keep
 def keep_and_pause(*what):

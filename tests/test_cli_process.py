@@ -17,7 +17,9 @@ __all__ = ["folder"]
 # --- how it ends ------------------------------------------------------------------------
 
 WAITS = """
-import sys, time
+import signal, sys, time
+# A shell that runs the tests in the background has it ignored.
+signal.signal(signal.SIGINT, signal.default_int_handler)
 import linear_ik.readers
 def read_scan(*paths):
     print("ready", file=sys.stderr, flush=True); time.sleep(60)
