@@ -6,6 +6,7 @@ The solver knows nothing of it: `Viewer.on_iteration` is one of the callables th
 
 from __future__ import annotations
 
+import math
 import os
 import time
 from pathlib import Path
@@ -34,6 +35,7 @@ from linear_ik.viewer_shapes import (
 Array = npt.NDArray[np.float64]
 
 MOST_POINTS = 200_000
+LEAST_BETWEEN_S = 0.08  # of a search's states
 # Points of a whole site would drown the member: this share is kept for what is near it.
 NEAR_SHARE = 0.75
 NEAR_M = 1.0
@@ -63,6 +65,7 @@ class Viewer:
         self._fitted: Element | None = None
         self._pause_s = 0.0
         self._pause_left_s = 0.0
+        self._shown_s = -math.inf
         self._vis["/Background"].set_property("top_color", [0.45, 0.50, 0.56])
         self._vis["/Background"].set_property("bottom_color", [0.16, 0.18, 0.21])
 
@@ -154,7 +157,11 @@ class Viewer:
         """Show the state after one iteration; give it to `linear_ik.fit`."""
         if self._element is None:
             return
+        # A search has hundreds of short iterations, more than an eye can tell apart.
+        if record.phase == "search" and time.monotonic() - self._shown_s < LEAST_BETWEEN_S:
+            return
         self.show_fit(self._element, record.q, record.base_pose)
+        self._shown_s = time.monotonic()
         # A fit is over in a blink: hold each state long enough to be seen, but not for ever.
         pause = min(self._pause_s, self._pause_left_s)
         if pause > 0:

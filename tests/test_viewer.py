@@ -107,6 +107,21 @@ def test_each_iteration_moves_the_segments():
     assert len([key for key in commands(viewer) if key[0].startswith("fitted") and key[1] == "set_object"]) == 4
 
 
+def test_a_search_is_shown_no_faster_than_an_eye_follows(monkeypatch):
+    now = [10.0]
+    monkeypatch.setattr("linear_ik.viewer.time.monotonic", lambda: now[0])
+    element = column(segments=2)
+    viewer, shown = Viewer(), []
+    viewer.show_design(element)
+    monkeypatch.setattr(viewer, "show_fit", lambda *what: shown.append(now[0]))
+    T = element.placement.T_world_element
+    for i in range(100):
+        now[0] += 0.01
+        phase = "search" if i < 99 else "full"
+        viewer.on_iteration(IterationRecord(i + 1, phase, 0, 0.0, 1.0, 0.0, 0.0, np.zeros(6), T))
+    assert 10 <= len(shown) <= 16 and shown[-1] == now[0]
+
+
 def test_slowed_iterations_end(monkeypatch):
     slept = []
     monkeypatch.setattr("linear_ik.viewer.time.sleep", slept.append)
