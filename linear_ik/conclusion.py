@@ -36,11 +36,13 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     """Return the result of a settled fit, and the verdict on it."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     points, whole = settled.tally.objective, settled.objective
-    pressed = pressed_limits(problem, settled.x, whole, covariance(problem, pose, whole, noise_m)[0])
+    S, node_covariance = covariance(problem, pose, whole, noise_m)
+    pressed = pressed_limits(problem, settled.x, whole, S)
     ratio = birge_ratio(problem, settled.tally.patch_score, points, whole)
-    # The points are worth less by the ratio; what is known besides them is worth what it was.
-    worth = Objective(points.H + ratio * (whole.H - points.H), points.c + ratio * (whole.c - points.c))
-    S, node_covariance = covariance(problem, pose, worth, noise_m * float(np.sqrt(ratio)))
+    if ratio > 1.0:
+        # The points are worth less by the ratio; what is known besides them is worth what it was.
+        worth = Objective(points.H + ratio * (whole.H - points.H), points.c + ratio * (whole.c - points.c))
+        S, node_covariance = covariance(problem, pose, worth, noise_m * float(np.sqrt(ratio)))
     still_m = pose.node_jacobians() @ settled.still
     node_covariance += still_m[:, :, None] * still_m[:, None, :]
     segments = assess_segments(problem, settled.tally, settled.foreign)

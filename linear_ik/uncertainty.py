@@ -90,7 +90,7 @@ def birge_ratio(problem: Problem, scores: Array, points: Objective, whole: Objec
 
     Args:
         problem: for the variables that may move.
-        scores: [patches] standard normal, were the points independent; NaN where too few.
+        scores: [N][sides][halves] of the patches, standard normal were the points independent; NaN where too few.
         points: what the points ask of the step, over all variables.
         whole: the same with all terms.
     """
