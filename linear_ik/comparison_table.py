@@ -16,8 +16,9 @@ import numpy as np
 from linear_ik.atomic import write_atomically
 from linear_ik.common_shift import CommonShift
 from linear_ik.compare import Comparison
+from linear_ik.deviation_bands import BAND_95
 from linear_ik.errors import OutputError
-from linear_ik.movement import BAND_95, Movement
+from linear_ik.movement import Movement
 
 SCHEMA = "linear_ik/comparison/1"
 NODES = {

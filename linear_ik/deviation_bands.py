@@ -14,6 +14,7 @@ from linear_ik.result import FitResult
 Array = npt.NDArray[np.float64]
 
 BAND_95 = 1.959964  # two-sided 95 % of a normal distribution
+NO_LENGTH_M = 1e-12  # rounding has no direction
 DRAWS = 4000
 STEP_RAD = 1e-6
 
@@ -79,6 +80,20 @@ class Bands:
         drawn = np.random.default_rng(0).standard_normal((DRAWS, size)) @ root.T
         lengths = np.linalg.norm(drawn.reshape(DRAWS, C.shape[0], C.shape[1]), axis=2)
         return float(np.quantile(lengths.max(axis=1), 0.95))
+
+
+def band_along(vectors: Array, covariance: Array) -> Array:
+    """Return the half-width [K] of the band of each vector's length, along it; of none, of the widest direction.
+
+    Args:
+        vectors: [K][3].
+        covariance: [K][3][3] of each.
+    """
+    size = np.linalg.norm(vectors, axis=1)
+    unit = vectors / np.maximum(size, NO_LENGTH_M)[:, None]
+    widest = np.linalg.eigvalsh(covariance)[:, -1]
+    variance = np.where(size > NO_LENGTH_M, np.einsum("ki,kij,kj->k", unit, covariance, unit), widest)
+    return np.asarray(BAND_95 * np.sqrt(np.maximum(variance, 0.0)))
 
 
 def configuration(result: FitResult) -> Array:

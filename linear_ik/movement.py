@@ -24,12 +24,12 @@ import numpy.typing as npt
 from scipy.stats import chi2
 
 from linear_ik.assessment import BENDING_NOT_SHOWN, INFERRED, NOT_SCANNED, PLACE_NOT_SHOWN
+from linear_ik.deviation_bands import BAND_95, band_along
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
 Verdict = Literal["moved", "not moved", "not moved where seen", "inconclusive"]
 
-BAND_95 = 1.959964  # two-sided 95 % of a normal distribution
 # Held nodes have no variance of their own; no scan tells a hundredth of a millimetre.
 LEAST_SIGMA_M = 1e-5
 # Designs that differ by more are two designs.
@@ -97,10 +97,8 @@ class Movement:
         """Half-width of its 95 % band, along its displacement."""
         if not self.tested:
             return float("nan")
-        d, C = self.displacement_m[self.largest], self.covariance_m2[self.largest]
-        length = float(np.linalg.norm(d))
-        variance = float(d @ C @ d) / length**2 if length > 0 else float(np.linalg.norm(C, 2))
-        return BAND_95 * float(np.sqrt(max(variance, 0.0)))
+        k = [self.largest]
+        return float(band_along(self.displacement_m[k], self.covariance_m2[k])[0])
 
     @property
     def across_band_m(self) -> float:

@@ -89,7 +89,8 @@ def demo(
 def _comparison(result: FitResult, truth: SimulatedScan, output: Path) -> list[str]:
     import numpy as np
 
-    from linear_ik.cli.summary import BAND_95, describe
+    from linear_ik.cli.summary import describe
+    from linear_ik.deviation_bands import BAND_95
 
     errors = 1000 * np.linalg.norm(result.nodes_m - truth.nodes_m, axis=1)
     bands = 1000 * BAND_95 * np.sqrt(np.linalg.eigvalsh(result.nodes_covariance_m2)[:, -1])

@@ -7,11 +7,9 @@ from collections import Counter
 
 import numpy as np
 
+from linear_ik.deviation_bands import band_along
 from linear_ik.errors import LinearIkError
 from linear_ik.result import FitResult
-
-# Two-sided 95 % of a normal distribution.
-BAND_95 = 1.959964
 
 
 def describe(result: FitResult) -> list[str]:
@@ -41,8 +39,7 @@ def tip_displacement(result: FitResult) -> str:
     distance, covariance = float(np.linalg.norm(moved)), result.nodes_covariance_m2[-1]
     if not np.isfinite(covariance).all():
         return f"{1000 * distance:.2f} mm from the design (band unknown)"
-    variance = float(moved @ covariance @ moved) / distance**2 if distance > 0 else float(np.linalg.norm(covariance, 2))
-    band = 1000 * BAND_95 * math.sqrt(max(variance, 0.0))
+    band = 1000 * float(band_along(moved[None], covariance[None])[0])
     return f"{1000 * distance:.2f} mm from the design, +- {band:.2f} mm (95 %)"
 
 

@@ -13,6 +13,7 @@ import numpy.typing as npt
 
 from linear_ik.atomic import write_atomically
 from linear_ik.deviation import Figure, deviations
+from linear_ik.deviation_bands import BAND_95, band_along
 from linear_ik.errors import LinearIkError
 from linear_ik.model_fit.fits import Row
 from linear_ik.result import FitResult
@@ -20,7 +21,6 @@ from linear_ik.result import FitResult
 Array = npt.NDArray[np.float64]
 
 # Two-sided 95 % of a normal distribution.
-BAND_95 = 1.959964
 COLUMNS = (
     "guid",
     "ifc_class",
@@ -109,7 +109,7 @@ def figures(result: FitResult) -> dict[str, float]:
     off = result.nodes_m - designed
     along = np.einsum("ki,ki->k", off, tangents)
     across = off - along[:, None] * tangents
-    size, band = _lengths(across, result.nodes_covariance_m2)
+    size, band = np.linalg.norm(across, axis=1), band_along(across, result.nodes_covariance_m2)
     k = int(size.argmax())
     middle = len(along) // 2
     along_sd = math.sqrt(max(float(tangents[middle] @ result.nodes_covariance_m2[middle] @ tangents[middle]), 0.0))
@@ -128,15 +128,6 @@ def figures(result: FitResult) -> dict[str, float]:
         "surface_rmse_mm": 1e3 * result.surface_rmse_m,
         "range_noise_mm": 1e3 * result.range_noise_m,
     }
-
-
-def _lengths(vectors: Array, covariance: Array) -> tuple[Array, Array]:
-    """Return lengths [K] of vectors [K][3] and their 95 % bands; of a zero one, of the widest direction."""
-    size = np.linalg.norm(vectors, axis=1)
-    widest = np.linalg.eigvalsh(covariance)[:, -1]
-    unit = vectors / np.maximum(size, 1e-12)[:, None]
-    variance = np.where(size > 1e-9, np.einsum("ki,kij,kj->k", unit, covariance, unit), widest)
-    return size, BAND_95 * np.sqrt(np.maximum(variance, 0.0))
 
 
 def _shape(result: FitResult) -> dict[str, float]:
