@@ -201,10 +201,15 @@ def _segments(which: list[int]) -> str:
 
 def runs(which: Iterable[int]) -> str:
     """Return "2, 4 to 6" of ascending numbers."""
+    return ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in grouped(which))
+
+
+def grouped(which: Iterable[int]) -> list[list[int]]:
+    """Return ascending numbers in runs of consecutive ones."""
     found: list[list[int]] = []
     for k in which:
         if found and k == found[-1][-1] + 1:
             found[-1].append(k)
         else:
             found.append([k])
-    return ", ".join(str(r[0]) if len(r) == 1 else f"{r[0]} to {r[-1]}" for r in found)
+    return found

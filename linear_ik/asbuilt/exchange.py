@@ -187,23 +187,21 @@ def _mapped(items: Iterable[Any]) -> Iterator[Any]:
 
 def _first_operand(item: Any) -> Any:
     """Return the solid that cuts were taken from, in the representation that is mapped."""
-    while True:
-        if item.is_a("IfcBooleanResult"):
-            item = item.FirstOperand
-        elif item.is_a("IfcMappedItem") and item.MappingSource.MappedRepresentation.Items:
-            item = item.MappingSource.MappedRepresentation.Items[0]
-        else:
-            return item
+    return list(_made_of(item))[-1]
 
 
 def _styles(item: Any) -> Any:
     """Return the styles of an item, or of what it is made of, or None."""
+    return next((styled.Styles for part in _made_of(item) for styled in part.StyledByItem), None)
+
+
+def _made_of(item: Any) -> Iterator[Any]:
+    """Yield an item, then what is cut or mapped in it, down to the solid."""
     while True:
-        for styled in item.StyledByItem:
-            return styled.Styles
+        yield item
         if item.is_a("IfcBooleanResult"):
             item = item.FirstOperand
         elif item.is_a("IfcMappedItem") and item.MappingSource.MappedRepresentation.Items:
             item = item.MappingSource.MappedRepresentation.Items[0]
         else:
-            return None
+            return

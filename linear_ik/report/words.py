@@ -6,6 +6,7 @@ import math
 from dataclasses import asdict
 from typing import Any
 
+from linear_ik.assessment import grouped
 from linear_ik.deviation import Deviations, Figure
 from linear_ik.report.members import ReportedMember
 from linear_ik.result import FitResult
@@ -98,13 +99,7 @@ def seen(result: FitResult) -> list[str]:
     """Return sentences on what was scanned and what was not."""
     step_m, out = result.element.segment_length_m, []
     for status, words in (("not_scanned", "not scanned"), ("inferred", "inferred from what lies on both sides")):
-        runs: list[list[int]] = []
-        for k, segment in enumerate(result.segments):
-            if segment.status == status:
-                if runs and runs[-1][-1] == k - 1:
-                    runs[-1].append(k)
-                else:
-                    runs.append([k])
+        runs = grouped(k for k, segment in enumerate(result.segments) if segment.status == status)
         out += [f"{run[0] * step_m:.2f} to {(run[-1] + 1) * step_m:.2f} m: {words}" for run in runs]
     coverage = sum(s.coverage for s in result.segments) / len(result.segments)
     points = sum(s.points for s in result.segments)
