@@ -13,6 +13,7 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.directions import turn
 from linear_ik.errors import ElementError
 from linear_ik.outline import as_float
 
@@ -136,14 +137,13 @@ def _walk(corners: Array, chord_m: float, steps: int) -> tuple[Array, float]:
 
 def _turn_to(direction: Array, k: int) -> Array:
     """Return the rotation [3][3] that takes Z to a direction without twist."""
-    x, y, cosine = direction
+    cosine = float(direction[2])
     if cosine < np.cos(SHARPEST_RAD):
         angle = np.degrees(np.arccos(np.clip(cosine, -1.0, 1.0)))
         raise ElementError(
             "axis_points", f"segment {k + 1} is turned by {angle:.0f} degrees", "less than 89: more segments"
         )
-    K = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
-    return np.asarray(np.eye(3) + K + K @ K / (1.0 + cosine))
+    return turn(np.array([0.0, 0.0, 1.0]), direction)
 
 
 def _angles(R: Array) -> Array:

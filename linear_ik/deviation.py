@@ -25,6 +25,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.deviation_bands import Bands, twist_band_rad, twist_rad
+from linear_ik.directions import across, turn
 from linear_ik.errors import LinearIkError
 from linear_ik.profile import Circle, CircleHollow
 from linear_ik.result import FitResult
@@ -154,8 +155,8 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     if min(chord_m, designed_chord_m) < 1e-3 * element.length_m:
         raise LinearIkError(element.name, "its ends coincide", "a member with a chord")
     chord, designed_chord = (nodes[-1] - nodes[0]) / chord_m, (designed[-1] - designed[0]) / designed_chord_m
-    designed_axes = _turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
-    axes = designed_axes @ _turn(designed_chord, chord).T  # [2][3] X and Y across the chord
+    designed_axes = turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
+    axes = designed_axes @ turn(designed_chord, chord).T  # [2][3] X and Y across the chord
     is_vertical = bool(abs(designed_chord @ vertical) > np.cos(VERTICAL_RAD))
     if precamber_m and not is_vertical:
         along = ((designed - designed[0]) @ designed_chord / designed_chord_m)[:, None]
@@ -206,7 +207,7 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
         sag_m=sag,
         sweep_m=sweep,
         camber_m=camber,
-        out_of_plumb_m=_length(bands, ends, lean, _across(vertical)) if is_vertical else no_plumb,
+        out_of_plumb_m=_length(bands, ends, lean, across(vertical)) if is_vertical else no_plumb,
         twist_rad=_twist(result, twist),
         end_displacement_m=_length(bands, last, nodes[-1] - designed[-1], np.eye(3), node=n),
         departure_max_m=_largest(bands, each, departures, sections[0], LARGEST),
@@ -283,24 +284,7 @@ def _length(bands: Bands, row: Array, vector: Array, axes: Array, node: int | No
     return Figure(length, band, node, note)
 
 
-def _turn(start: Array, end: Array) -> Array:
-    """Return the smallest rotation [3][3] from one unit vector to another."""
-    cosine, axis = float(start @ end), np.cross(start, end)
-    if cosine < -1.0 + 1e-12:
-        side = _across(start)[0]
-        return np.asarray(2.0 * np.outer(side, side) - np.eye(3))
-    K = np.array([[0.0, -axis[2], axis[1]], [axis[2], 0.0, -axis[0]], [-axis[1], axis[0], 0.0]])
-    return np.asarray(np.eye(3) + K + K @ K / (1.0 + cosine))
-
-
 def _upwards(vertical: Array, chord: Array) -> Array:
     """Return the unit vector across the chord that is the nearest to the vertical."""
     up = vertical - (vertical @ chord) * chord
     return np.asarray(up / np.linalg.norm(up))
-
-
-def _across(direction: Array) -> Array:
-    """Return two unit vectors [2][3] across a direction."""
-    first = np.cross(direction, np.eye(3)[int(np.abs(direction).argmin())])
-    first /= np.linalg.norm(first)
-    return np.array([first, np.cross(direction, first)])

@@ -9,6 +9,7 @@ import numpy.typing as npt
 
 from linear_ik.bim.sweep import Sweep, into, out_of
 from linear_ik.design_axis import follow
+from linear_ik.directions import turn
 from linear_ik.profile import Profile
 from linear_ik.taper import between
 
@@ -115,9 +116,7 @@ def transported(axis: Array) -> Array:
     directions = legs / np.linalg.norm(legs, axis=1)[:, None]
     R, frames = np.eye(3), []
     for direction in directions:
-        x, y, cosine = R.T @ direction
-        K = np.array([[0.0, 0.0, x], [0.0, 0.0, y], [-x, -y, 0.0]])
-        R = R @ (np.eye(3) + K + K @ K / (1.0 + cosine))
+        R = R @ turn(np.array([0.0, 0.0, 1.0]), R.T @ direction)
         frames.append(R)
     return np.array(frames)
 
