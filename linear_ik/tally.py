@@ -85,42 +85,60 @@ def tally(
         ignored: [N] segments whose points have no weight, or None.
         trust: [8] factor on the weights of each side, or None.
     """
-    n, columns = pose.n_segments, np.arange(problem.chain.nv)
-    objective = Objective(np.zeros((len(columns), len(columns))), np.zeros(len(columns)))
-    matched, beside, squares = np.zeros(n, dtype=np.intp), np.zeros(n, dtype=np.intp), np.zeros(n)
-    weighted, cost, weight = 0, 0.0, 0.0
+    n, columns, depth_m = pose.n_segments, np.arange(problem.chain.nv), depth_of(problem, noise_m)
     touched = np.zeros((n, *cells(problem)), dtype=bool)
-    patches, depth_m = np.zeros((4, n * HALVES * SIDES)), depth_of(problem, noise_m)
+
+    objective = Objective(np.zeros((len(columns), len(columns))), np.zeros(len(columns)))
+    points, patches = np.zeros((6, n)), np.zeros((4, n * HALVES * SIDES))
     for start in range(0, len(problem.points), POINTS_A_PIECE):
         some = problem.points[start : start + POINTS_A_PIECE]
         piece = Stage("full", some, (scale_m,), noise_m, ignored=ignored, depth_m=depth_m, trust=trust)
         pairs, weights, _ = on_surface(problem, pose, piece, 0)
-        objective += point_residual(pose, pairs, weights, columns)
-        segment = pairs.segment
         on = (weights > 0) & (pairs.distance_m <= MATCHED * noise_m)
-        near = (pairs.distance_m <= BESIDE * noise_m) & (pairs.residual_m > -depth_m)
-        matched += np.bincount(segment[on], minlength=n)
-        beside += np.bincount(segment[near & (pairs.distance_m > MATCHED * noise_m)], minlength=n)
-        squares += np.bincount(segment[on], pairs.residual_m[on] ** 2, minlength=n)
-        _touch(touched, problem, segment[on], pairs.section[on], pairs.local[on, 2], pairs.face[on])
-        patches += _patch_sums(problem, pairs, np.flatnonzero(on), weights)
-        weighted += int(np.count_nonzero(weights))
-        cost += float(weights @ pairs.residual_m**2)
-        weight += float(weights.sum())
+        objective += point_residual(pose, pairs, weights, columns)
+        points += _point_sums(pairs, weights, on, noise_m, depth_m)
+        patches += _patch_sums(problem, pairs, weights, on)
+        _touch(touched, problem, pairs, on)
+    matched, beside, squares_m2, weighted, cost_m2, weight = points
     patches[:, patches[3] < LEAST_POINTS] = np.nan
-    pull_m, squares_m2, weights, _ = patches.reshape(4, n, SIDES, HALVES)
+    pull_m, pull_squares_m2, weights, _ = patches.reshape(4, n, SIDES, HALVES)
     with np.errstate(invalid="ignore", divide="ignore"):
-        score, off_m = pull_m / np.sqrt(squares_m2), pull_m / weights
-    return Tally(objective, matched, beside, squares, weighted, cost, weight, touched, score, off_m)
+        score, off_m = pull_m / np.sqrt(pull_squares_m2), pull_m / weights
+    return Tally(
+        objective,
+        matched.astype(np.intp),
+        beside.astype(np.intp),
+        squares_m2,
+        int(weighted.sum()),
+        float(cost_m2.sum()),
+        float(weight.sum()),
+        touched,
+        score,
+        off_m,
+    )
 
 
-def _patch_sums(problem: Problem, pairs: Correspondences, rows: Index, weights: Array) -> Array:
+def _point_sums(pairs: Correspondences, weights: Array, on: Mask, noise_m: float, depth_m: float) -> Array:
+    """Return of each segment [6][N] the points on it, beside it, their squares, the weighted points, cost and weight."""
+    squares = pairs.residual_m**2
+    near = ~on & (pairs.distance_m > MATCHED * noise_m)
+    near &= (pairs.distance_m <= BESIDE * noise_m) & (pairs.residual_m > -depth_m)
+    each = (on, near, squares * on, weights > 0, squares * weights, weights)
+    out = np.zeros((len(each), len(pairs.starts) - 1))
+    filled = np.flatnonzero(np.diff(pairs.starts))
+    for row, what in zip(out, each, strict=True):
+        row[filled] = np.add.reduceat(what, pairs.starts[filled], dtype=np.float64)
+    return out
+
+
+def _patch_sums(problem: Problem, pairs: Correspondences, weights: Array, on: Mask) -> Array:
     """Return sums of the weighted residuals, of their squares, of the weights, and the count [4][patches]."""
-    half = pairs.local[rows, 2] > 0.5 * problem.element.segment_length_m
-    patch = (pairs.segment[rows] * SIDES + sides(pairs.gradient[rows])) * HALVES + half
-    w, most = weights[rows], problem.element.segments * SIDES * HALVES
-    each = w * pairs.residual_m[rows]
-    return np.stack([np.bincount(patch, what, minlength=most) for what in (each, each**2, w, np.ones(len(rows)))])
+    side = (pairs.segment * SIDES + sides(pairs.gradient)) * HALVES
+    patch = side + (pairs.local[:, 2] > 0.5 * problem.element.segment_length_m)
+    w, most = weights * on, problem.element.segments * SIDES * HALVES
+    each = w * pairs.residual_m
+    sums = [np.bincount(patch, what, minlength=most) for what in (each, each**2, w)]
+    return np.stack([*sums, np.bincount(patch[on], minlength=most)])
 
 
 def cells(problem: Problem) -> tuple[int, int]:
@@ -133,12 +151,13 @@ def cells(problem: Problem) -> tuple[int, int]:
     return around, int(np.ceil(problem.element.segment_length_m / cell_m))
 
 
-def _touch(touched: Mask, problem: Problem, segment: Index, section: Array, z_m: Array, face: Index) -> None:
+def _touch(touched: Mask, problem: Problem, pairs: Correspondences, on: Mask) -> None:
     _, around, along = touched.shape
-    s = problem.surface.length_along(section, face) / problem.surface.perimeter_m * around
-    z = z_m / problem.element.segment_length_m * along
-    row = np.clip(s.astype(np.intp), 0, around - 1)
-    touched[segment, row, np.clip(z.astype(np.intp), 0, along - 1)] = True
+    s = problem.surface.length_along(pairs.section, pairs.face) * (around / problem.surface.perimeter_m)
+    z = pairs.local[:, 2] * (along / problem.element.segment_length_m)
+    row = np.minimum(s.astype(np.int32), around - 1)
+    cell = (pairs.segment.astype(np.int32) * around + row) * along + np.clip(z.astype(np.int32), 0, along - 1)
+    touched.reshape(-1)[cell[on]] = True
 
 
 def nearby(problem: Problem, pose: Pose, reach_m: float) -> Array:
