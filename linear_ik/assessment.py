@@ -25,6 +25,8 @@ BENDING_NOT_SHOWN = "the visible faces do not show all bending"
 # Doubts about some segments only, which go before.
 NOT_SCANNED, INFERRED = "not scanned", "inferred from the neighbours only"
 MOST_SPREAD_M = 0.010
+# Across the axis; more than a node may be unsure by where a fit claims to be right, unless points scatter more.
+MOST_ACROSS_M = 0.0025
 
 
 def assess_segments(problem: Problem, counted: Tally, foreign: Mask) -> tuple[SegmentResult, ...]:
@@ -147,7 +149,7 @@ def judge(
     if pressed[:BASE].any():
         reasons.append("the start has moved as far as placement_tolerance allows")
     across_m, along_m = sd_m
-    if across_m.max() > MOST_SPREAD_M:
+    if across_m.max() > max(MOST_ACROSS_M, noise_m):
         worst = int(across_m.argmax())
         reasons.append(f"{BENDING_NOT_SHOWN}: node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)")
     if along_m.max() > MOST_SPREAD_M:

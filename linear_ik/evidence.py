@@ -16,15 +16,18 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 EVIDENCE_ROUNDS = 12
+# Degrees of freedom of Student's distribution of the angles: many joints that hardly bend, and few that kink.
+FREEDOM = 2.0
 STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
 
 
 def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -> Array:
     """Return the prior's deviations [6 + 3N] that make the joints from 2 on most probable.
 
-    One variance an axis, by expectation maximisation on the Gaussian model of the last
-    step: ``v_axis = mean(theta^2 + S_ii)``, theta against the design. A straight member earns a stiff prior, a
-    member with one sharp kink a loose one.
+    The angles of an axis, against the design, follow Student's distribution: a normal one for each joint, whose
+    variance v is itself drawn about the axis's own scale s. By expectation maximisation (Liu and Rubin 1995) on the
+    Gaussian model of the last step, ``v_i = (nu s^2 + theta_i^2 + S_ii) / (nu + 1)`` and ``s^2 = n / sum 1 / v_i``. A
+    straight member earns a stiff prior; one sharp kink loosens its own joint and leaves the others stiff.
 
     Args:
         problem: with the prior that ``objective`` contains.
@@ -50,7 +53,10 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
         S = np.linalg.inv(posterior)
         second_moment = (S @ pull) ** 2 + np.diag(S)
         for joints, at in rows:
-            sd[joints] = min(max(np.sqrt(second_moment[at].mean()), STIFFEST_RAD), LOOSEST_RAD)
+            variance = sd[joints] ** 2
+            usual = len(joints) / (1.0 / variance).sum()
+            variance = (FREEDOM * usual + second_moment[at]) / (FREEDOM + 1.0)
+            sd[joints] = np.clip(np.sqrt(variance), STIFFEST_RAD, LOOSEST_RAD)
         if (np.abs(sd - before) <= 0.02 * before).all():
             break
     return np.asarray(sd)

@@ -28,7 +28,7 @@ from linear_ik.result import FitResult, IterationRecord, in_doubt
 from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
-from linear_ik.settlement import Settled, measured, settle
+from linear_ik.settlement import NARROW_SCALE, ROBUST_SCALE, Settled, measured, settle
 from linear_ik.tally import nearby
 
 Array = npt.NDArray[np.float64]
@@ -117,7 +117,9 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     few = sample(problem, problem.chain.pose(problem.designed), COARSE_POINTS_A_SEGMENT * n, rng)
     found, sure = plain(problem, few, settings, solver, log)
     clock.lap("coarse")
+    robust_scale = ROBUST_SCALE
     if settings.search == "always" or (settings.search == "auto" and not sure):
+        robust_scale = NARROW_SCALE
         found = searched(problem, found, settings, solver, log, rng)
         problem = problem.seeing(nearby(problem, found.pose, NEAR_M))
         clock.lap("search")
@@ -125,7 +127,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
             return absent(problem, (f"{ABSENT}: no points make up its surface",), settings, log, clock)
 
     some = sample(problem, found.pose, sample_size(problem), rng)
-    settled = settle(problem, found, some, settings, solver, log)
+    settled = settle(problem, found, some, settings, solver, log, robust_scale)
     clock.lap("settle")
     result = conclude(settled, settings, log, clock)
     result = replace(result, reasons=(*result.reasons, *removed))

@@ -153,10 +153,16 @@ def default_variants() -> list[Variant]:
             "no prior learnt from the scan",
             Changed(changes=[(settlement, "evidence", lambda problem, *_: problem.prior_sd)]),
         ),
+        Variant(
+            "one prior for all joints of an axis",
+            Changed(changes=[(import_module("linear_ik.evidence"), "FREEDOM", 1e6)]),
+        ),
         Variant("no repair of wrong sides", Changed(changes=[(startup, "repair", lambda problem, x, *_: x)])),
         Variant(
             "no robust weights at the end",
-            Changed(changes=[(settlement, "ROBUST_SCALE", 1e6), (basin, "ROBUST_SCALE", 1e6)]),
+            Changed(
+                changes=[(room, "ROBUST_SCALE", 1e6) for room in (fitting, basin)] + [(fitting, "NARROW_SCALE", 1e6)]
+            ),
         ),
         Variant(
             "no last step on all points", Changed(changes=[(settlement, "last_step", lambda settled, *_: settled)])
