@@ -37,7 +37,9 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     points, whole = settled.tally.objective, settled.objective
     S, node_covariance = covariance(problem, pose, whole, noise_m)
-    pressed = pressed_limits(problem, settled.x, whole, S)
+    with np.errstate(invalid="ignore"):
+        scatter_m = np.sqrt(settled.tally.squares_m2 / settled.tally.matched)
+    pressed = pressed_limits(problem, settled.x, whole, S, scatter_m)
     ratio = birge_ratio(problem, settled.tally.patch_score, points, whole)
     if ratio > 1.0:
         # The points are worth less by the ratio; what is known besides them is worth what it was.

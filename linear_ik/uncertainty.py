@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.chain import Pose
+from linear_ik.chain import BASE, Pose
 from linear_ik.correspondence import Correspondences
 from linear_ik.problem import Problem
 from linear_ik.side_noise import MAD_TO_SD
@@ -15,6 +15,7 @@ Array = npt.NDArray[np.float64]
 
 SMALLEST_NOISE_M, LARGEST_NOISE_M = 2e-5, 0.010
 LEAST_FREEDOM = 0.3  # of the patches
+PRESSED, STRAINED = 3.0, 4 / 3
 
 
 def noise_of(pairs: Correspondences, weights: Array | None = None) -> float:
@@ -103,15 +104,30 @@ def birge_ratio(problem: Problem, scores: Array, points: Objective, whole: Objec
     return chi2 / freedom if chi2 > freedom + float(np.sqrt(2.0 * freedom)) else 1.0
 
 
-def pressed_limits(problem: Problem, x: Array, objective: Objective, S: Array) -> npt.NDArray[np.bool_]:
-    """Return which variables [6 + 3N] the data push against their limit by 3 deviations or more.
+def pressed_limits(
+    problem: Problem, x: Array, objective: Objective, S: Array, scatter_m: Array
+) -> npt.NDArray[np.bool_]:
+    """Return which variables [6 + 3N] the data push against their limit.
 
-    A member that was bent to exactly its limit rests on it by chance of the noise.
+    By 3 deviations or more: a member that was bent to exactly its limit rests on it by chance of the noise. Or where
+    the points of a segment beside scatter a third more than others do: what its limit keeps from its points has lost
+    their weight, and with it most of the push.
+
+    Args:
+        problem: for the limits.
+        x: [6 + 3N] where the fit is.
+        objective: what all terms still ask for there.
+        S: [6 + 3N][6 + 3N] covariance.
+        scatter_m: [N] rms of the matched points of each segment; NaN without any.
     """
     rows = problem.variables
     push = np.zeros(len(x))
     push[rows] = -np.linalg.solve(objective.H[np.ix_(rows, rows)], objective.c[rows])
-    far = np.abs(push) > 3.0 * np.sqrt(np.diag(S))
     lower, upper = problem.chain.lower, problem.chain.upper
     at = ((x <= lower) & (push < 0)) | ((x >= upper) & (push > 0))
+    far = np.abs(push) > PRESSED * np.sqrt(np.diag(S))
+    scatter_m = np.where(np.isfinite(scatter_m), scatter_m, 0.0)
+    worse = scatter_m > STRAINED * np.median(scatter_m)
+    worse[1:] |= worse[:-1].copy()  # a joint is the start of its segment and the end of the one before
+    far[BASE:] |= np.repeat(worse, 3)
     return np.asarray(at & far & (upper > lower))

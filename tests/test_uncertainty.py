@@ -183,9 +183,18 @@ def test_the_scatter_of_many_scans_is_what_it_promises() -> None:
 # pressed limits --------------------------------------------------------------------------------
 
 
-def pressed(at: float, push_sd: float, limit_deg: float = 10.0, variable: int = BASE + 4) -> np.ndarray:
+ALIKE_M = np.full(4, 0.001)  # what the points of each segment scatter
+
+
+def pressed(
+    at: float,
+    push_sd: float,
+    limit_deg: float = 10.0,
+    variable: int = BASE + 4,
+    scatter_m: np.ndarray = ALIKE_M,
+) -> np.ndarray:
     """Which limits count as pressed: one angle at ``at`` of its limit, pulled by ``push_sd`` deviations."""
-    element = Element("e", Rectangle(0.1, 0.3), 2.0, 2, joint_limit_deg=limit_deg)
+    element = Element("e", Rectangle(0.1, 0.3), 2.0, 4, joint_limit_deg=limit_deg)
     problem = Problem.of(element, Scan(np.zeros((1, 3))))
     n, sd = problem.chain.nv, 0.001
     x = np.zeros(n)
@@ -193,7 +202,7 @@ def pressed(at: float, push_sd: float, limit_deg: float = 10.0, variable: int = 
     push = np.zeros(n)
     push[variable] = push_sd * sd
     H = 1e6 * np.eye(n)
-    return pressed_limits(problem, x, Objective(H, -H @ push), sd**2 * np.eye(n))
+    return pressed_limits(problem, x, Objective(H, -H @ push), sd**2 * np.eye(n), scatter_m)
 
 
 @pytest.mark.parametrize("variable", [BASE, BASE + 4, BASE + 5])
@@ -212,9 +221,18 @@ def test_and_nowhere_else(at: float, push_sd: float) -> None:
     assert not pressed(at, push_sd).any()
 
 
+@pytest.mark.parametrize(("worse", "strained"), [(0, True), (1, True), (2, False), (3, False)])
+def test_a_push_by_chance_counts_where_the_points_beside_the_joint_scatter_more(worse: int, strained: bool) -> None:
+    scatter_m = ALIKE_M.copy()
+    scatter_m[worse] *= 1.5
+    at_limit = pressed(1.0, 1.0, scatter_m=scatter_m)  # a joint between the first segment and the second
+    assert at_limit.any() == strained
+    assert not pressed(0.99, 1.0, scatter_m=scatter_m).any()
+
+
 def test_a_held_base_presses_nothing() -> None:
-    problem = Problem.of(Element("e", Rectangle(0.1, 0.3), 2.0, 2), Scan(np.zeros((1, 3))))
+    problem = Problem.of(Element("e", Rectangle(0.1, 0.3), 2.0, 4), Scan(np.zeros((1, 3))))
     n = problem.chain.nv
     push = np.full(n, 1.0)
-    found = pressed_limits(problem, np.zeros(n), Objective(np.eye(n), -push), 1e-6 * np.eye(n))
+    found = pressed_limits(problem, np.zeros(n), Objective(np.eye(n), -push), 1e-6 * np.eye(n), ALIKE_M)
     assert not found.any()
