@@ -63,8 +63,9 @@ def repair(
         else:
             refused.add(run)
     for _ in range(MOST_STRAIGHTENED):
-        for nodes in straighter(problem.chain.pose(x)):
-            moved = finish(through(problem.chain, x, nodes))
+        pose = problem.chain.pose(x)
+        for nodes in straighter(pose):
+            moved = finish(drawn_back(problem.chain, through(problem.chain, x, nodes), pose, nodes))
             if (value := score(moved)) > best:
                 x, best = moved, value
                 break
@@ -97,6 +98,27 @@ def straighter(pose: Pose) -> list[Array]:
     least = max(STICKS_OUT_M, STICKS_OUT * float(np.median([out for out, _ in found])))
     found.sort(key=lambda one: -one[0])
     return [put_back for out, put_back in found[:MOST_STRAIGHTENED] if out > least]
+
+
+def drawn_back(chain: Chain, x: Array, pose: Pose, nodes: Array) -> Array:
+    """Return the variables with the base moved, where it may, so that the nodes past those put back stay in place.
+
+    A straighter chain is a longer one: from a base that stays, all that follows would be pushed along.
+
+    Args:
+        chain: of the element.
+        x: [6 + 3N] with the nodes put back.
+        pose: before that.
+        nodes: [N+1][3] wanted: those of ``pose`` but for the nodes put back.
+    """
+    changed = np.flatnonzero((nodes != pose.nodes_m).any(axis=1))
+    rest = slice(changed[-1] + 1, None)
+    if changed[-1] == pose.n_segments or not (chain.upper[:3] > 0).any():
+        return x
+    back_m = (pose.nodes_m[rest] - chain.pose(x).nodes_m[rest]).mean(axis=0)
+    x = x.copy()
+    x[:3] += back_m
+    return chain.clip(x)
 
 
 def plate_shifts(surface: Surface) -> Array:

@@ -20,7 +20,7 @@ from linear_ik.chain import BASE
 from linear_ik.descent import Log, descend
 from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
-from linear_ik.problem import Problem
+from linear_ik.problem import AXIAL, Problem
 from linear_ik.repair import repair
 from linear_ik.settings import FitSettings
 from linear_ik.stage import Stage
@@ -34,6 +34,8 @@ CHILDREN = 3
 SHIFT_STEP_M, MOST_STEPS = 0.02, 8  # of a floating base, each way; a large tolerance is searched more coarsely
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
+SLIDES = (-0.8, -0.4, 0.4, 0.8)  # of what the start's tolerance allows
+BENT_RAD = np.radians(3.0)  # from where on bends show a slide
 
 
 @dataclass(frozen=True, eq=False)
@@ -74,7 +76,26 @@ class Startup:
         for k in range(self.problem.element.segments):
             children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
             beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
-        return self.repaired(max((self.finish(h.x) for h in beam), key=self.score))
+        best = self.repaired(max((self.finish(h.x) for h in beam), key=self.score))
+        return max([best, *self.slid(best)], key=self.score)
+
+    def slid(self, x: Array) -> Iterator[Array]:
+        """Yield a bent chain slid along its axis, where its base may and did not yet, and refined with the slide free.
+
+        Grown from the base, the chain has its first bend where the design's slide puts it: off by that much, the rest
+        may have settled on the wrong sides.
+        """
+        problem = self.problem
+        if not problem.may_slide or AXIAL in problem.variables:
+            return
+        along = problem.chain.pose(x).rotations[:, :, 2]
+        if (along @ along[0]).min() > np.cos(BENT_RAD):
+            return
+        other = Startup(problem.released(), self.points, self.noise_m, self.settings, self.solver, self.log)
+        for share in SLIDES:
+            start = x.copy()
+            start[AXIAL] += share * problem.chain.upper[AXIAL]
+            yield other.repaired(other.finish(problem.chain.clip(start)))
 
     def repaired(self, x: Array) -> Array:
         """Return ``x`` [6 + 3N] itself, or with nodes moved across a plate where that explains more points."""
