@@ -24,12 +24,12 @@ STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
 def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -> Array:
     """Return the prior's deviations [6 + 3N] that make the joints from 2 on most probable.
 
-    The angles of an axis, against the design, follow Student's distribution: a normal one for each joint, whose
-    variance is itself drawn about the axis's own s^2. By expectation maximisation on the Gaussian model of the last
-    step (Liu and Rubin 1995; s as Kent, Tyler and Vardi 1994, which takes a tenth of the rounds), with
-    ``m_i = theta_i^2 + S_ii`` and weights ``w_i = (nu + 1) / (nu + m_i / s^2)``: ``s^2 = sum w m / sum w``, and the
-    joint's variance is ``s^2 / w_i``. A straight member earns a stiff prior; one sharp kink loosens its own joint and
-    leaves the others stiff.
+    The angles of a joint, against the design, follow Student's distribution: a normal one, whose variances are those
+    of the axes, s_a^2, times a factor that the joint draws for itself. By expectation maximisation on the Gaussian
+    model of the last step (Liu and Rubin 1995; s as Kent, Tyler and Vardi 1994, which takes a tenth of the rounds),
+    with ``m_ia = theta_ia^2 + S_ii`` and ``w_i = (nu + d) / (nu + sum_a m_ia / s_a^2)`` of d axes:
+    ``s_a^2 = sum_i w_i m_ia / sum_i w_i``, and the joint's variances are ``s_a^2 / w_i``. A straight member earns a
+    stiff prior; one sharp kink loosens its own joint, about all axes, and leaves the others stiff.
 
     Args:
         problem: with the prior that ``objective`` contains.
@@ -47,7 +47,7 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     pull = information @ off - (objective.c[moving] / noise_m**2 - now * off)
     axes = [np.arange(BASE + 3 + axis, len(sd), 3) for axis in range(3)]
     rows = [(joints, np.searchsorted(moving, joints)) for joints in axes if np.isin(joints, moving).all()]
-    scale = [float(np.mean(sd[joints] ** 2)) for joints, _ in rows]
+    scale = np.array([[np.mean(sd[joints] ** 2)] for joints, _ in rows])
     diagonal = np.diag_indices(len(moving))
     for _ in range(EVIDENCE_ROUNDS if len(moving) <= 200 else 3):
         before = sd.copy()
@@ -55,11 +55,10 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
         posterior[diagonal] += 1.0 / sd[moving] ** 2
         S = np.linalg.inv(posterior)
         second_moment = (S @ pull) ** 2 + np.diag(S)
-        for axis, (joints, at) in enumerate(rows):
-            moment = second_moment[at]
-            weight = (FREEDOM + 1.0) / (FREEDOM + moment / scale[axis])
-            scale[axis] = (weight @ moment) / weight.sum()
-            variance = (FREEDOM * scale[axis] + moment) / (FREEDOM + 1.0)
+        moment = np.array([second_moment[at] for _, at in rows])  # [axes][joints]
+        weight = (FREEDOM + len(rows)) / (FREEDOM + (moment / scale).sum(axis=0))
+        scale = (moment @ weight / weight.sum())[:, None]
+        for (joints, _), variance in zip(rows, scale / weight, strict=True):
             sd[joints] = np.clip(np.sqrt(variance), STIFFEST_RAD, LOOSEST_RAD)
         if (np.abs(sd - before) <= 0.02 * before).all():
             break
