@@ -225,6 +225,11 @@ def test_a_fit_in_doubt_decides_nothing() -> None:
     doubtful = kinked(4.0, 0.050, status="uncertain", reasons=("segment 2 not scanned",))
     v = judged(doubtful, "nsss")
     assert v.outcome == "inconclusive" and v.reason == "the fit is uncertain; segment 2 not scanned"
+    # A place along the axis that nobody sees is in the bands; a result without codes doesn't say that it is only that.
+    place = "the scan does not show where the element lies along its axis: as designed, to 60 mm (95 %)"
+    for codes, outcome in (((), "inconclusive"), (("place_not_shown",), "fail")):
+        doubtful = kinked(4.0, 0.050, status="uncertain", reasons=(place,), reason_codes=codes)
+        assert judged(doubtful, "nsss").outcome == outcome
     v = judged(kinked(4.0, 0.050, status="not_scanned"), "nsss")
     assert v.outcome == "inconclusive" and v.value is None
 

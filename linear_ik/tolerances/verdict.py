@@ -20,7 +20,6 @@ from typing import Any, Literal
 
 import numpy as np
 
-from linear_ik.assessment import PLACE_NOT_SHOWN
 from linear_ik.deviation import Deviations, Figure, deviations
 from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
@@ -169,17 +168,11 @@ def _outcome(
         return "inconclusive", figure.note or "its band is not known"
     if clause.figure == "camber" and known.precamber_m is None:
         return "inconclusive", "the specified precamber is not stated"
-    if result.status != "converged" and not _only_its_place_is_in_doubt(result):
+    if result.status != "converged" and not result.only_its_place_is_in_doubt:
         return "inconclusive", "; ".join([f"the fit is {result.status.replace('_', ' ')}", *result.reasons[:1]])
     if clause.unloaded and known.loading_state != "unloaded":
         return _loaded(result, found, clause, figure, limits, known)
     return compare(figure.value, figure.band, limits, clause.figure in ANGLES)
-
-
-def _only_its_place_is_in_doubt(result: FitResult) -> bool:
-    """Whether all that is doubted is where the member lies along its axis, which the bands carry."""
-    reasons = result.reasons
-    return result.status == "uncertain" and bool(reasons) and all(r.startswith(PLACE_NOT_SHOWN) for r in reasons)
 
 
 def _loaded(
