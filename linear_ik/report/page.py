@@ -215,7 +215,8 @@ def _plots(member: ReportedMember, found: Deviations) -> list[dict[str, Any]]:
     drawn.append(("offset from the design", found.departure_m, "offset from the design", None, None))
     return [
         {
-            "title": title + ("" if beside is None else "; dashed the elastic sag of own weight, computed"),
+            "title": title,
+            "dashed": "" if beside is None else "; dashed: the elastic sag of own weight, computed",
             "bands_known": bool(np.isfinite(curve.band).all()),
             "svg": curve_plot(curve, found.length_m, what, segments, limit_m, beside),
         }

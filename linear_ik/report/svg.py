@@ -48,7 +48,7 @@ def curve_plot(
         top = max(top, float(np.abs(dashed).max()))
     # A limit far beyond the curve would flatten it; its value is in the table of verdicts.
     if limit_m is not None and 1e3 * limit_m <= 3.0 * top:
-        top = max(top, 1e3 * limit_m)
+        top = max(top, 1.15e3 * limit_m)  # clear of the key
     step, top = _ticks(1.08 * top)
 
     def px(s_m: float) -> float:
@@ -63,7 +63,8 @@ def curve_plot(
         f'aria-label="{escape(what)} along the length; largest {largest:.1f} mm">'
     ]
     out += _unmeasured(segments)
-    for tick in np.arange(-math.floor(top / step) * step, top + step / 2, step):
+    steps = math.floor(top / step)
+    for tick in step * np.arange(-steps, steps + 1):
         out.append(f'<path class="grid" d="M{LEFT} {py(tick):.1f}H{WIDTH - RIGHT}"/>')
         out.append(f'<text x="{LEFT - 6}" y="{py(tick) + 4:.1f}" text-anchor="end">{_number(tick, step)}</text>')
     along, _ = _ticks(length_m, 6)
