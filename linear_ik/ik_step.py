@@ -91,7 +91,8 @@ class OsqpStep:
             rows, columns = np.triu_indices(n)
             by_column = np.lexsort((rows, columns))
             upper_triangle = rows[by_column], columns[by_column]
-            solver = self._osqp.OSQP()
+            # Named, or OSQP looks for the libraries of other algebras first.
+            solver = self._osqp.OSQP(algebra="builtin")
             solver.setup(
                 P=scipy.sparse.csc_matrix((np.ones(len(rows)), upper_triangle), shape=(n, n)),
                 q=np.zeros(n),

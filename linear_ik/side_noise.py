@@ -28,7 +28,7 @@ def sides(directions: Array) -> Index:
     x, y = directions[:, 0], directions[:, 1]
     # Turned by half a side, each octant is three signs; an arctangent of every point would cost a match.
     u, v = COS * x - SIN * y, SIN * x + COS * y
-    return OCTANT[(v < 0) * 4 + (u < 0) * 2 + (np.abs(v) > np.abs(u))]
+    return np.asarray(OCTANT[(v < 0) * 4 + (u < 0) * 2 + (np.abs(v) > np.abs(u))])
 
 
 def trust_of(pairs: Correspondences, weights: Array, noise_m: float) -> Array | None:

@@ -119,7 +119,7 @@ def tally(
 
 
 def _point_sums(pairs: Correspondences, weights: Array, on: Mask, noise_m: float, depth_m: float) -> Array:
-    """Return of each segment [6][N] the points on it, beside it, their squares, the weighted points, cost and weight."""
+    """Return of each segment [6][N] points on it, beside it, their squares, weighted points, cost and weight."""
     squares = pairs.residual_m**2
     near = ~on & (pairs.distance_m > MATCHED * noise_m)
     near &= (pairs.distance_m <= BESIDE * noise_m) & (pairs.residual_m > -depth_m)

@@ -156,12 +156,13 @@ def _geometry(element: Element, k: int, mesh_folder: str | None) -> dict[str, ob
 @lru_cache(maxsize=1)
 def _template() -> jinja2.Template:
     import jinja2
+    from markupsafe import Markup
 
     environment = jinja2.Environment(
         loader=jinja2.FileSystemLoader(template_folder()), undefined=jinja2.StrictUndefined, autoescape=True
     )
     # repr is the shortest text that reads back as the same double.
-    environment.filters["exact"] = lambda value: repr(float(value))
+    environment.filters["exact"] = lambda value: Markup(repr(float(value)))
     return environment.get_template(TEMPLATE)
 
 

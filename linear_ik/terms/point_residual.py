@@ -12,6 +12,8 @@ from linear_ik.terms.objective import Objective
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
+ROWS = np.array([0, 1, 3, 4, 5])  # of a = [n, p x n], where faces run along the axis
+
 
 def point_residual(pose: Pose, pairs: Correspondences, weights: Array, columns: Index | None = None) -> Objective:
     """Return the Gauss-Newton model of ``1/2 sum w r^2``, r the distance to the face.
@@ -46,14 +48,13 @@ def segment_moments(pairs: Correspondences, weights: Array) -> tuple[Array, Arra
     A = np.empty((6, len(x)))
     A[0], A[1], A[2], A[3], A[4], A[5] = nx, ny, -z * ny, z * nx, x * ny - y * nx, pairs.residual_m
     WA = A * weights
-    rows = np.array([0, 1, 3, 4, 5])
-    M = np.zeros((n, 6, 6))
-    m = np.zeros((n, 6))
+    products = np.zeros((n, 6, 6))
     for k in np.flatnonzero(np.diff(pairs.starts)):
         part = slice(pairs.starts[k], pairs.starts[k + 1])
-        product = A[:, part] @ WA[:, part].T
-        M[k][np.ix_(rows, rows)] = product[:5, :5]
-        m[k, rows] = product[:5, 5]
+        np.matmul(A[:, part], WA[:, part].T, out=products[k])
+    M, m = np.zeros((n, 6, 6)), np.zeros((n, 6))
+    M[:, ROWS[:, None], ROWS] = products[:, :5, :5]
+    m[:, ROWS] = products[:, :5, 5]
     return M, m
 
 
