@@ -227,7 +227,9 @@ class Viewer:
 
     def close(self) -> None:
         """Stop serving."""
-        self._playback = None
+        if self._playback is not None:
+            self._playback.stop()
+            self._playback = None
         self.scene.close()
 
     def _local(self, points: Array) -> Array:

@@ -22,6 +22,7 @@ class Playback:
             total_s: over all of them; what is left then is shown at once.
         """
         self._show, self._pause_s, self._left_s = show, pause_s, total_s
+        self._stopped = threading.Event()
         self._records: queue.SimpleQueue[IterationRecord | None] = queue.SimpleQueue()
         # Who interrupts a fit does not wait for its pictures.
         self._thread = threading.Thread(target=self._run, name="linear_ik playback", daemon=True)
@@ -36,8 +37,13 @@ class Playback:
         self._records.put(None)
         self._thread.join()
 
+    def stop(self) -> None:
+        """Return as soon as the state that is shown has had its while; those after it are not shown."""
+        self._stopped.set()
+        self.finish()
+
     def _run(self) -> None:
-        while (record := self._records.get()) is not None:
+        while (record := self._records.get()) is not None and not self._stopped.is_set():
             self._show(record)
             pause_s = min(self._pause_s, self._left_s)
             if pause_s > 0.0:

@@ -22,7 +22,7 @@ ELLIPSOID_SHARE = 1 / 80  # of the length: what is smaller is not seen
 SCALES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 STATUS_COLOURS = {"inferred": 0xE2B53C, "not_scanned": 0x8A919B}
 ELLIPSOID_COLOUR = 0xC2410C
-JOINT_COLOUR, JOINT_SHARE = 0xFACC15, 1 / 160
+JOINT_COLOUR, JOINT_SHARE = 0xFACC15, 1 / 200
 
 
 def steps_of(result: FitResult) -> list[tuple[str, Array, Array]]:
@@ -56,14 +56,16 @@ def play_back(vis: Any, steps: list[list[Array]]) -> None:
 
 def show_joints(vis: Any, element: Element) -> None:
     """Draw a ball at each joint and at the end; they move with the segments that they belong to."""
-    from meshcat.geometry import Sphere
+    from meshcat.geometry import MeshBasicMaterial, Sphere
 
     ball = Sphere(min(JOINT_SHARE * element.length_m, element.segment_length_m / 4.0))
-    yellow = material(JOINT_COLOUR, 1.0)
-    for k in range(element.segments):
-        vis[f"fitted/{k + 1}/joint"].set_object(ball, yellow)
+    # Inside the member, and seen through it.
+    yellow = MeshBasicMaterial(color=JOINT_COLOUR, transparent=True, depthTest=False)
+    joints = [vis[f"fitted/{k + 1}/joint"] for k in range(element.segments)]
     end = vis[f"fitted/{element.segments}/end"]
-    end.set_object(ball, yellow)
+    for joint in (*joints, end):
+        joint.set_object(ball, yellow)
+        joint.set_property("renderOrder", 1)
     end.set_transform(transform(np.eye(3), np.array([0.0, 0.0, element.segment_length_m])))
 
 

@@ -3,6 +3,7 @@ import math
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -167,6 +168,21 @@ def test_a_live_view_does_not_hold_the_fit(monkeypatch):
     assert spent[0] < 0.1 * took
     viewer.catch_up()
     assert shown[0] == 1 and shown[-1] == result.iterations
+
+
+def test_closing_a_live_view_ends_what_it_shows():
+    element = column(segments=2)
+    viewer = Viewer()
+    viewer.show_design(element)
+    viewer.serve()
+    viewer.slow_down(pause_s=0.05, total_s=100.0)
+    base = element.placement.T_world_element
+    for i in range(1000):
+        viewer.on_iteration(IterationRecord(i + 1, "full", 0, 0.0, 1.0, 0.0, 0.0, np.zeros(6), base))
+    before = threading.active_count()
+    started = time.monotonic()
+    viewer.close()
+    assert time.monotonic() - started < 20 and threading.active_count() == before - 2  # playback and server
 
 
 def lines_of(viewer, step):
