@@ -9,7 +9,8 @@ import numpy.typing as npt
 
 from linear_ik.chain import BASE, Pose
 from linear_ik.problem import Problem
-from linear_ik.result import SegmentResult, SegmentStatus, Status
+from linear_ik.reason import Reason
+from linear_ik.result import SegmentResult, SegmentStatus
 from linear_ik.tally import COVERAGE_RADIUS, Tally
 from linear_ik.uncertainty import LARGEST_NOISE_M
 
@@ -19,11 +20,6 @@ Mask = npt.NDArray[np.bool_]
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
-# Doubts that the covariance carries in full: who tests against it need not doubt again.
-PLACE_NOT_SHOWN = "the scan does not show where the element lies along its axis"
-BENDING_NOT_SHOWN = "the visible faces do not show all bending"
-# Doubts about some segments only, which go before.
-NOT_SCANNED, INFERRED = "not scanned", "inferred from the neighbours only"
 MOST_SPREAD_M = 0.010
 # Across the axis; more than a node may be unsure by where a fit claims to be right, unless points scatter more.
 MOST_ACROSS_M = 0.0025
@@ -115,8 +111,8 @@ def judge(
     sd_m: tuple[Array, Array],
     noise_m: float,
     converged: bool,
-) -> tuple[Status, tuple[str, ...]]:
-    """Return the status of the fit and the sentences that explain it.
+) -> tuple[Reason, ...]:
+    """Return why the fit may be wrong; `linear_ik.result.status_of` makes a status of it.
 
     Args:
         problem: what was fitted.
@@ -130,34 +126,39 @@ def judge(
     measured = [s.status == "measured" for s in segments]
     if sum(measured) < max(1.0, LEAST_SCANNED * n) or noise_m >= LARGEST_NOISE_M:
         near = int(sum(s.points for s in segments))
-        return "not_scanned", (
-            f"the element is not in the scan: {near} points near it make up no surface of its section",
+        return (
+            Reason(
+                "absent", f"the element is not in the scan: {near} points near it make up no surface of its section"
+            ),
         )
     reasons = []
-    for kind, words in (("not_scanned", NOT_SCANNED), ("inferred", INFERRED)):
-        which = [k + 1 for k, s in enumerate(segments) if s.status == kind]
-        if which:
-            reasons.append(f"{_segments(which)} {words}")
+    if not converged:
+        reasons.append(Reason("not_at_rest", "the fit did not come to rest within its iterations"))
+    unseen, inferred = ([k + 1 for k, s in enumerate(segments) if s.status == x] for x in ("not_scanned", "inferred"))
+    if unseen:
+        reasons.append(Reason("segments_not_scanned", f"{_segments(unseen)} not scanned"))
+    if inferred:
+        reasons.append(Reason("segments_inferred", f"{_segments(inferred)} inferred from the neighbours only"))
     smallest = float(np.ptp(problem.surface.corners, axis=0).min())
     if noise_m > max(0.006, 0.02 * smallest):
-        reasons.append(
-            f"matched points scatter {noise_m * 1e3:.1f} mm about the surface: another section, or clutter, is likely"
-        )
+        scatter = f"matched points scatter {noise_m * 1e3:.1f} mm about the surface"
+        reasons.append(Reason("scatter", f"{scatter}: another section, or clutter, is likely"))
     joints = sorted({int((i - BASE) // 3) + 1 for i in np.flatnonzero(pressed) if i >= BASE})
     if joints:
-        reasons.append(f"joint limits active at {_segments(joints)}: the element bends more than it may")
+        where = f"joint limits active at {_segments(joints)}"
+        reasons.append(Reason("joint_limits", f"{where}: the element bends more than it may"))
     if pressed[:BASE].any():
-        reasons.append("the start has moved as far as placement_tolerance allows")
+        reasons.append(Reason("placement_limits", "the start has moved as far as placement_tolerance allows"))
     across_m, along_m = sd_m
     if across_m.max() > max(MOST_ACROSS_M, noise_m):
         worst = int(across_m.argmax())
-        reasons.append(f"{BENDING_NOT_SHOWN}: node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)")
+        known = f"node {worst} is known to {across_m[worst] * 2e3:.0f} mm only (95 %)"
+        reasons.append(Reason("bending_not_shown", f"the visible faces do not show all bending: {known}"))
     if along_m.max() > MOST_SPREAD_M:
-        reasons.append(f"{PLACE_NOT_SHOWN}: as designed, to {along_m.max() * 2e3:.0f} mm (95 %)")
-    status: Status = "uncertain" if reasons else "converged"
-    if not converged:
-        return "max_iterations", ("the fit did not come to rest within its iterations", *reasons)
-    return status, tuple(reasons)
+        known = f"as designed, to {along_m.max() * 2e3:.0f} mm (95 %)"
+        where = "the scan does not show where the element lies along its axis"
+        reasons.append(Reason("place_not_shown", f"{where}: {known}"))
+    return tuple(reasons)
 
 
 def spread(pose: Pose, node_covariance_m2: Array) -> tuple[Array, Array]:

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import time
+from collections.abc import Iterator
 from typing import Any
 
 import numpy as np
@@ -19,7 +20,8 @@ from linear_ik.doubts import (
     stepped_aside,
 )
 from linear_ik.problem import Problem
-from linear_ik.result import FitResult, SegmentResult, in_doubt
+from linear_ik.reason import Reason
+from linear_ik.result import FitResult, SegmentResult, status_of
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
@@ -48,62 +50,10 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     still_m = pose.node_jacobians() @ settled.still
     node_covariance += still_m[:, :, None] * still_m[:, None, :]
     segments = assess_segments(problem, settled.tally, settled.foreign)
-    status, reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
-    if status == "not_scanned":
+    reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
+    if status_of(r.code for r in reasons) == "not_scanned":
         return absent(problem, reasons, settings, log, clock)
-    if settled.start_shift_m is not None:
-        status = in_doubt(status)
-        reasons += ("the scan shows the start beside the place where it is held (start: free lets it move)",)
-    slide = settled.slide
-    if slide is not None and not problem.may_slide and abs(slide.shift_m) > max(SLID_M, 3.0 * slide.sd_m):
-        status = in_doubt(status)
-        reasons += (
-            f"both ends of the scan lie {1e3 * slide.shift_m:+.0f} mm along the axis from where the start is held "
-            "(start: free lets it move)",
-        )
-    if settings.range_noise_m is not None and noise_m != settings.range_noise_m:
-        status = in_doubt(status)
-        reasons += (
-            f"the points scatter {1e3 * noise_m:.1f} mm about the surface, "
-            f"where a range noise of {1e3 * settings.range_noise_m:g} mm was given",
-        )
-    doubted = doubts(problem.surface, settled.pairs, settled.matched, noise_m)
-    if doubted:
-        status = in_doubt(status)
-        reasons += doubted
-    hidden = segments_turned_away(problem.surface, settled.pairs, settled.matched, noise_m)
-    if hidden.any():
-        status = in_doubt(status)
-        reasons += (f"{listed(hidden)}: many points there lie on faces that look away from their station",)
-    off_m = sides_off(settled.tally.patch_score, settled.tally.patch_off_m, noise_m)
-    if off_m.any():
-        status = in_doubt(status)
-        reasons += (
-            f"{listed(off_m > 0)}: a side lies {1e3 * off_m.max():.1f} mm off the surface: "
-            "something touches it there, or its section is another",
-        )
-    step = stepped_aside(pose)
-    if step is not None:
-        first, last, aside_m = step
-        status = in_doubt(status)
-        where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
-        reasons += (f"it steps {1e3 * aside_m:.0f} mm aside at {where}: a neighbour may have been taken for it",)
-    thin = plates_too_thin(problem.surface, settled.pairs, settled.matched, noise_m)
-    if thin and problem.matcher.sights is None:
-        status = in_doubt(status)
-        reasons += (
-            f"points scatter {1e3 * noise_m:.1f} mm: the two sides of the section's thin plates cannot be told apart "
-            "(a scan that names its stations can)",
-        )
-    if settled.foreign.any():
-        elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
-        reasons += (
-            f"{listed(settled.foreign)}: the points there lie on something else than the designed surface{elsewhere}",
-        )
-    if settled.misfit is not None:
-        if not settled.misfit.plausible:
-            status = in_doubt(status)
-        reasons += (settled.misfit.sentence(surface_of(problem.element)),)
+    reasons += tuple(doubted(settled, settings))
     rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)
     clock.lap("assess")
     return in_scan_coordinates(
@@ -114,7 +64,6 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         settings,
         log,
         clock,
-        status=status,
         reasons=reasons,
         rmse_m=rmse_m,
         surface_rmse_m=settled.tally.surface_rmse_m,
@@ -124,7 +73,52 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     )
 
 
-def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+def doubted(settled: Settled, settings: FitSettings) -> Iterator[Reason]:
+    """Yield what the points around a settled fit put in doubt."""
+    problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
+    sample = (problem.surface, settled.pairs, settled.matched, noise_m)
+    if settled.start_shift_m is not None:
+        yield Reason(
+            "start_beside", "the scan shows the start beside the place where it is held (start: free lets it move)"
+        )
+    slide = settled.slide
+    if slide is not None and not problem.may_slide and abs(slide.shift_m) > max(SLID_M, 3.0 * slide.sd_m):
+        where = f"both ends of the scan lie {1e3 * slide.shift_m:+.0f} mm along the axis from where the start is held"
+        yield Reason("shifted_along", f"{where} (start: free lets it move)")
+    if settings.range_noise_m is not None and noise_m != settings.range_noise_m:
+        given = f"where a range noise of {1e3 * settings.range_noise_m:g} mm was given"
+        yield Reason("noise_misgiven", f"the points scatter {1e3 * noise_m:.1f} mm about the surface, {given}")
+    yield from doubts(*sample)
+    hidden = segments_turned_away(*sample)
+    if hidden.any():
+        yield Reason(
+            "turned_away", f"{listed(hidden)}: many points there lie on faces that look away from their station"
+        )
+    off_m = sides_off(settled.tally.patch_score, settled.tally.patch_off_m, noise_m)
+    if off_m.any():
+        off = f"{listed(off_m > 0)}: a side lies {1e3 * off_m.max():.1f} mm off the surface"
+        yield Reason("side_off", f"{off}: something touches it there, or its section is another")
+    step = stepped_aside(pose)
+    if step is not None:
+        first, last, aside_m = step
+        where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
+        aside = f"it steps {1e3 * aside_m:.0f} mm aside at {where}"
+        yield Reason("stepped_aside", f"{aside}: a neighbour may have been taken for it")
+    if plates_too_thin(*sample) and problem.matcher.sights is None:
+        thin = "the two sides of the section's thin plates cannot be told apart"
+        yield Reason(
+            "thin_plates", f"points scatter {1e3 * noise_m:.1f} mm: {thin} (a scan that names its stations can)"
+        )
+    if settled.foreign.any():
+        elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
+        there = f"{listed(settled.foreign)}: the points there lie on something else than the designed surface"
+        yield Reason("foreign_points", f"{there}{elsewhere}")
+    if settled.misfit is not None:
+        sentence = settled.misfit.sentence(surface_of(problem.element))
+        yield Reason("section_size" if settled.misfit.plausible else "other_section", sentence)
+
+
+def absent(problem: Problem, reasons: tuple[Reason, ...], settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     """Return the result for an element that is not in the scan: the design, as uncertain as the prior."""
     x = problem.designed
     pose = problem.chain.pose(x)
@@ -138,7 +132,6 @@ def absent(problem: Problem, reasons: tuple[str, ...], settings: FitSettings, lo
         settings,
         log,
         clock,
-        status="not_scanned",
         reasons=reasons,
         rmse_m=float("nan"),
         surface_rmse_m=float("nan"),
@@ -155,6 +148,7 @@ def in_scan_coordinates(
     settings: FitSettings,
     log: Log,
     clock: Clock,
+    reasons: tuple[Reason, ...],
     **known: Any,
 ) -> FitResult:
     """Return the result of a chain at ``x``, from the element's frame into the scan's.
@@ -167,6 +161,7 @@ def in_scan_coordinates(
         settings: of the fit.
         log: of the iterations.
         clock: of the stages.
+        reasons: of which its status is made.
         known: the other fields of the result.
     """
     chain = problem.chain
@@ -179,6 +174,9 @@ def in_scan_coordinates(
     limits = np.stack([chain.lower, chain.upper], axis=-1)[BASE:].reshape(-1, 3, 2)
     return FitResult(
         element=problem.element,
+        status=status_of(r.code for r in reasons),
+        reasons=tuple(r.sentence for r in reasons),
+        reason_codes=tuple(r.code for r in reasons),
         nodes_m=chain.pose(x).nodes_m @ R.T + T[:3, 3],
         nodes_covariance_m2=R @ node_covariance @ R.T + shared_m2,
         q=x[BASE:].copy(),

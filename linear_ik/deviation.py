@@ -26,6 +26,7 @@ import numpy.typing as npt
 
 from linear_ik.deviation_bands import Bands, twist_band_rad, twist_rad
 from linear_ik.directions import across, turn
+from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import LinearIkError
 from linear_ik.profile import Circle, CircleHollow
 from linear_ik.result import FitResult
@@ -75,12 +76,13 @@ class Deviations:
 
     Local X and Y are the element's. Relative to the chord they are turned with it by the
     smallest rotation that takes the designed direction to the fitted one. A member that was
-    designed curved is compared with its designed shape, laid on the fitted chord.
+    designed curved is compared with its designed shape, laid on the fitted chord; of one that
+    own weight sags, what that explains can be part of the shape: the rest is imperfection.
 
     Attributes:
         length_m: of the design, along its axis.
         chord_m: between the working points as built.
-        specified_m: [N+1][3] nodes of the design with its precamber, in the element's frame.
+        specified_m: [N+1][3] nodes of the design with its precamber and elastic sag, in the element's frame.
         vertical: whether the design's chord is within 10 degrees of the vertical.
         joint: whether bands know how nodes vary together; else they are upper bounds.
         offset_m: w(s), offset of each node from the chord.
@@ -127,7 +129,12 @@ class Deviations:
     straight_bow_m: float | None
 
 
-def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber_m: float = 0.0) -> Deviations:
+def deviations(
+    result: FitResult,
+    up: tuple[float, float, float] = UP,
+    precamber_m: float = 0.0,
+    elastic: ElasticSag | None = None,
+) -> Deviations:
     """Return the deviations of a fitted member.
 
     Bands are 1.96 standard deviations of the fit's covariance: they hold where the fit does, so
@@ -138,6 +145,8 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
         up: the vertical, in the scan's coordinates.
         precamber_m: specified rise of the middle above the chord, where the design is drawn
             without it: a parabola that is added to the designed shape. Verticals have none.
+        elastic: what own weight makes of the member; added to the designed shape, so that figures are
+            imperfections, its uncertainty to their bands.
 
     Raises:
         LinearIkError: the element was not found; its ends coincide, so that there is no chord.
@@ -150,17 +159,20 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     nodes = (result.nodes_m - T[:3, 3]) @ T[:3, :3]
     designed, vertical = element.design.nodes_m, np.asarray(up, dtype=np.float64) @ T[:3, :3]
     vertical = vertical / np.linalg.norm(vertical)
-    bands = Bands.of(result)
+    bands = Bands.of(result, None if elastic is None else elastic.sd_m)
     chord_m, designed_chord_m = (float(np.linalg.norm(p[-1] - p[0])) for p in (nodes, designed))
     if min(chord_m, designed_chord_m) < 1e-3 * element.length_m:
         raise LinearIkError(element.name, "its ends coincide", "a member with a chord")
     chord, designed_chord = (nodes[-1] - nodes[0]) / chord_m, (designed[-1] - designed[0]) / designed_chord_m
-    designed_axes = turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
-    axes = designed_axes @ turn(designed_chord, chord).T  # [2][3] X and Y across the chord
     is_vertical = bool(abs(designed_chord @ vertical) > np.cos(VERTICAL_RAD))
     if precamber_m and not is_vertical:
         along = ((designed - designed[0]) @ designed_chord / designed_chord_m)[:, None]
         designed = designed + 4.0 * precamber_m * along * (1.0 - along) * _upwards(vertical, designed_chord)
+    if elastic is not None:
+        designed = designed + elastic.displacement_m
+        designed_chord = (designed[-1] - designed[0]) / np.linalg.norm(designed[-1] - designed[0])
+    designed_axes = turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
+    axes = designed_axes @ turn(designed_chord, chord).T  # [2][3] X and Y across the chord
     s_m = element.segment_length_m * np.arange(n + 1, dtype=np.float64)
 
     share = (nodes - nodes[0]) @ chord / chord_m

@@ -32,15 +32,25 @@ class Bands:
     joint: Array | None
 
     @classmethod
-    def of(cls, result: FitResult) -> Bands:
-        """Return the covariances of a result."""
+    def of(cls, result: FitResult, in_step_m: Array | None = None) -> Bands:
+        """Return the covariances of a result.
+
+        Args:
+            result: of a fit.
+            in_step_m: [N+1][3] standard deviation of what the nodes are measured from, all in step.
+        """
         R = result.element.placement.T_world_element[:3, :3]
         own, S = R.T @ result.nodes_covariance_m2 @ R, result.configuration_covariance
+        if in_step_m is not None:
+            own = own + in_step_m[:, :, None] * in_step_m[:, None, :]
         if S is None:
             return cls(own, None)
         A = Chain.of(result.element).pose(configuration(result)).node_jacobians()
         flat = A.reshape(-1, A.shape[2])
-        return cls(own, (flat @ S @ flat.T).reshape(len(own), 3, len(own), 3))
+        joint = flat @ S @ flat.T
+        if in_step_m is not None:
+            joint = joint + np.outer(in_step_m, in_step_m)
+        return cls(own, joint.reshape(len(own), 3, len(own), 3))
 
     def of_rows(self, rows: Array, directions: Array) -> Array:
         """Return the half-width [K] of ``sum_a rows[k, a] directions[k] . n_a`` for each k.

@@ -7,6 +7,7 @@ import numpy.typing as npt
 
 from linear_ik.chain import Pose
 from linear_ik.correspondence import Correspondences
+from linear_ik.reason import Reason
 from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
@@ -29,8 +30,8 @@ def quadrants(directions: Array) -> npt.NDArray[np.intp]:
     return np.where(np.abs(x) >= np.abs(y), np.where(x > 0, 0, 2), np.where(y > 0, 1, 3)).astype(np.intp)
 
 
-def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> tuple[str, ...]:
-    """Return sentences on what a sample of the points puts in doubt.
+def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> tuple[Reason, ...]:
+    """Return what a sample of the points puts in doubt.
 
     One flat side seen alone cannot be told from a wall. A surface parallel to a side
     that is not seen, within 30 % of the section's size of it, may be that side of
@@ -50,9 +51,9 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
         return ()
     out = []
     if count.max() >= ONE_SIDE * count.sum():
+        seen_side = f"only the {SIDES[int(count.argmax())]} side is seen"
         out.append(
-            f"only the {SIDES[int(count.argmax())]} side is seen: along it the position is not known, "
-            "and it may be a wall or a floor"
+            Reason("one_side", f"{seen_side}: along it the position is not known, and it may be a wall or a floor")
         )
     low, high = surface.corners.min(axis=0), surface.corners.max(axis=0)
     size = high - low
@@ -73,10 +74,9 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
         offset_m = _parallel(surface, pairs.section[~matched], axis, sign, (low_m, high_m), noise_m, least)
         if offset_m is not None:
             where = "outside" if offset_m > 0 else "inside"
-            out.append(
-                f"a surface runs along the {name} side, {abs(offset_m) * 1e3:.0f} mm {where}: "
-                f"another section than {size[0] * 1e3:.0f} x {size[1] * 1e3:.0f} mm, or a neighbour"
-            )
+            runs = f"a surface runs along the {name} side, {abs(offset_m) * 1e3:.0f} mm {where}"
+            designed = f"{size[0] * 1e3:.0f} x {size[1] * 1e3:.0f} mm"
+            out.append(Reason("parallel_surface", f"{runs}: another section than {designed}, or a neighbour"))
     return tuple(out)
 
 

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 from collections.abc import Callable
-from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -24,7 +23,8 @@ from linear_ik.icpik import icpik
 from linear_ik.ik_step import make_solver
 from linear_ik.outliers import without_outliers
 from linear_ik.problem import Problem
-from linear_ik.result import FitResult, IterationRecord, in_doubt
+from linear_ik.reason import Reason
+from linear_ik.result import FitResult, IterationRecord
 from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
@@ -34,7 +34,6 @@ from linear_ik.tally import nearby
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
-ABSENT = "the element is not in the scan"
 LEAST_POINTS = 12  # of a scan
 COARSE_POINTS_A_SEGMENT = 100
 SETTLE_POINTS_A_SEGMENT = 300
@@ -83,7 +82,7 @@ def not_scanned(element: Element, reason: str, settings: FitSettings | None = No
 
     Args:
         element: what was designed.
-        reason: a sentence for the result.
+        reason: what the scan has instead, for the result.
         settings: those of the fits of its neighbours.
     """
     settings, clock = settings or FitSettings(), Clock()
@@ -91,23 +90,24 @@ def not_scanned(element: Element, reason: str, settings: FitSettings | None = No
     with thread_pools().limit(limits=1):
         problem = Problem.of(element, None)
         clock.lap("prepare")
-        return absent(problem, (reason,), settings, Log(None, element.placement.T_world_element), clock)
+        return absent(problem, (_absent(reason),), settings, Log(None, element.placement.T_world_element), clock)
 
 
 def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
     solver = make_solver(settings.solver)
     problem = Problem.of(element, scan)
-    removed: tuple[str, ...] = ()
+    removed: tuple[Reason, ...] = ()
     if settings.outlier_removal:
         before, problem = len(problem.points), problem.seeing(without_outliers(problem.points))
-        removed = (f"{before - len(problem.points)} of {before} points near the element were removed as outliers",)
+        count = f"{before - len(problem.points)} of {before}"
+        removed = (Reason("outliers_removed", f"{count} points near the element were removed as outliers"),)
     rng, n = np.random.default_rng(settings.seed), element.segments
     clock.lap("prepare")
     if len(problem.points) < LEAST_POINTS:
         T = element.placement.T_world_element
-        hint = unit_hint(scan.points, T, element.length_m) or distance_hint(scan.points, T)
-        reasons = (f"{ABSENT}: {len(problem.points)} points in its reach", hint)
-        return absent(problem, reasons, settings, log, clock)
+        unit = unit_hint(scan.points, T, element.length_m)
+        hint = Reason("scan_elsewhere", distance_hint(scan.points, T)) if unit is None else Reason("scan_units", unit)
+        return absent(problem, (_absent(f"{len(problem.points)} points in its reach"), hint), settings, log, clock)
 
     if settings.method == "icpik":
         found = icpik(problem, settings, solver, log)
@@ -124,21 +124,24 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
         problem = problem.seeing(nearby(problem, found.pose, NEAR_M))
         clock.lap("search")
         if len(problem.points) < LEAST_POINTS:
-            return absent(problem, (f"{ABSENT}: no points make up its surface",), settings, log, clock)
+            return absent(problem, (_absent("no points make up its surface"),), settings, log, clock)
 
     some = sample(problem, found.pose, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log, robust_scale)
     clock.lap("settle")
-    result = conclude(settled, settings, log, clock)
-    result = replace(result, reasons=(*result.reasons, *removed))
+    result = conclude(settled, settings, log, clock).with_reasons(*removed)
     if problem.matcher.sights is not None and contradicted(settled):
         # Files name stations that are none: the file's own origin, say.
         bare = Log(log.on_iteration, log.T_world_element)
         other = _fit(element, Scan(scan.points, scan.normals), settings, bare, clock)
         if sum(s.points for s in other.segments) > MORE * sum(s.points for s in result.segments):
-            reason = "more points fit where their stations could not have seen them: the stations were not used"
-            return replace(other, status=in_doubt(other.status), reasons=(*other.reasons, reason))
+            why = "more points fit where their stations could not have seen them: the stations were not used"
+            return other.with_reasons(Reason("stations_not_used", why))
     return result
+
+
+def _absent(instead: str) -> Reason:
+    return Reason("absent", f"the element is not in the scan: {instead}")
 
 
 def contradicted(settled: Settled) -> bool:
@@ -152,8 +155,8 @@ def coarseness_said(result: FitResult, scan: Scan) -> FitResult:
     step_m = coarse_step_m(scan.points)
     if step_m is None:
         return result
-    reason = f"the scan's coordinates were stored in single precision, in steps of {step_m * 1e3:.3g} mm at their size"
-    return replace(result, status=in_doubt(result.status), reasons=(*result.reasons, reason))
+    why = f"the scan's coordinates were stored in single precision, in steps of {step_m * 1e3:.3g} mm at their size"
+    return result.with_reasons(Reason("coarse_coordinates", why))
 
 
 def sample(problem: Problem, pose: Pose, count: int, rng: np.random.Generator) -> Array:

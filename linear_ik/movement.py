@@ -23,7 +23,6 @@ import numpy as np
 import numpy.typing as npt
 from scipy.stats import chi2
 
-from linear_ik.assessment import BENDING_NOT_SHOWN, INFERRED, NOT_SCANNED, PLACE_NOT_SHOWN
 from linear_ik.deviation_bands import BAND_95, band_along
 from linear_ik.result import FitResult
 
@@ -253,14 +252,7 @@ def _seen(result: FitResult, count: int) -> npt.NDArray[np.bool_]:
 
 def _may_be_wrong(result: FitResult | None) -> bool:
     """Say whether a fit may be wrong in a way that its covariance does not carry."""
-    if result is None or result.status == "converged":
-        return result is None
-    carried = all(
-        reason.startswith((PLACE_NOT_SHOWN, BENDING_NOT_SHOWN))
-        or (reason.startswith("segment") and reason.endswith((NOT_SCANNED, INFERRED)))
-        for reason in result.reasons
-    )
-    return not (result.status == "uncertain" and result.reasons and carried)
+    return result is None or not (result.status == "converged" or result.doubts_are_carried)
 
 
 def _epochs(before: FitResult | None, after: FitResult | None) -> tuple[tuple[str, FitResult | None], ...]:

@@ -2,13 +2,15 @@
 
 from __future__ import annotations
 
-from dataclasses import dataclass, field
+from collections.abc import Iterable
+from dataclasses import dataclass, field, replace
 from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
 
 from linear_ik.element import Element
+from linear_ik.reason import CARRIED, NOTES, PLACE, Reason, only
 from linear_ik.settings import FitSettings
 
 Array = npt.NDArray[np.float64]
@@ -16,9 +18,14 @@ Status = Literal["converged", "uncertain", "max_iterations", "not_scanned"]
 SegmentStatus = Literal["measured", "inferred", "not_scanned"]
 
 
-def in_doubt(status: Status) -> Status:
-    """Return the status with a doubt raised: what had converged is uncertain, what was worse stays."""
-    return "uncertain" if status == "converged" else status
+def status_of(codes: Iterable[str]) -> Status:
+    """Return the status that the codes of a fit's reasons come to: any doubt makes it uncertain."""
+    codes = set(codes)
+    if "absent" in codes:
+        return "not_scanned"
+    if "not_at_rest" in codes:
+        return "max_iterations"
+    return "uncertain" if codes - NOTES else "converged"
 
 
 @dataclass(frozen=True)
@@ -79,6 +86,8 @@ class FitResult:
             wrong never says converged.
         reasons: plain sentences saying why the status is not converged, or what else
             the reader should know.
+        reason_codes: the code of each reason, for programs (see `linear_ik.reason`); empty where a
+            file of an earlier version has none: what is doubted is then not known.
         nodes_m: [N+1][3] the chain's nodes, from start to end.
         nodes_covariance_m2: [N+1][3][3], 1 sigma.
         q: [3N] Pinocchio's configuration: (z, y, x) a segment.
@@ -120,8 +129,25 @@ class FitResult:
     timings_s: dict[str, float] = field(default_factory=dict)
     configuration_covariance: Array | None = None
     unobservable: tuple[str, ...] = ()
+    reason_codes: tuple[str, ...] = ()
 
     @property
     def iterations(self) -> int:
         """Number of iterations run, over all phases."""
         return len(self.history)
+
+    @property
+    def doubts_are_carried(self) -> bool:
+        """Whether it is uncertain only in what ``nodes_covariance_m2`` and the segments' status say as well."""
+        return self.status == "uncertain" and only(self.reason_codes, CARRIED)
+
+    @property
+    def only_its_place_is_in_doubt(self) -> bool:
+        """Whether all that is doubted is where it lies along its axis, which ``nodes_covariance_m2`` says as well."""
+        return self.status == "uncertain" and only(self.reason_codes, PLACE)
+
+    def with_reasons(self, *reasons: Reason) -> FitResult:
+        """Return the result of a fit with further reasons, and the status that all of them come to."""
+        codes = (*self.reason_codes, *(r.code for r in reasons))
+        sentences = (*self.reasons, *(r.sentence for r in reasons))
+        return replace(self, status=status_of(codes), reasons=sentences, reason_codes=codes)

@@ -20,7 +20,17 @@ from linear_ik.element import Element
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
 from linear_ik.viewer_page import Scene
-from linear_ik.viewer_result import FPS, colour_segments, play_back, show_ellipsoids
+from linear_ik.viewer_pairs import FittedSurface, show_pairs
+from linear_ik.viewer_playback import Playback
+from linear_ik.viewer_result import (
+    FPS,
+    JOINT_COLOUR,
+    colour_segments,
+    play_back,
+    show_ellipsoids,
+    show_joints,
+    steps_of,
+)
 from linear_ik.viewer_shapes import (
     axis_distances_m,
     design_body,
@@ -28,7 +38,6 @@ from linear_ik.viewer_shapes import (
     material,
     reach_m,
     segment_bodies,
-    segment_triangles,
     transform,
 )
 
@@ -63,8 +72,7 @@ class Viewer:
         self._element: Element | None = None
         self._chain: Chain | None = None
         self._fitted: Element | None = None
-        self._pause_s = 0.0
-        self._pause_left_s = 0.0
+        self._playback: Playback | None = None
         self._shown_s = -math.inf
         self._vis["/Background"].set_property("top_color", [0.45, 0.50, 0.56])
         self._vis["/Background"].set_property("bottom_color", [0.16, 0.18, 0.21])
@@ -130,27 +138,39 @@ class Viewer:
             green = material(FITTED, FITTED_OPACITY)
             for k, body in enumerate(segment_bodies(element)):
                 self._vis[f"fitted/{k + 1}"].set_object(body, green)
+            show_joints(self._vis, element)
             self._fitted = element
             self._caption("#35b24a", "fitted")
+            self._caption(f"#{JOINT_COLOUR:06x}", "joints")
         for k, T in enumerate(self._poses(q, base_pose)):
             self._vis[f"fitted/{k + 1}"].set_transform(T)
 
     def show_result(self, result: FitResult, scan: Scan | None = None) -> None:
         """Show a design and what became of it, the scan coloured by its distance to that."""
+        self.catch_up()
+        on_surface: Array = np.empty((0, 3))
         self.show_design(result.element)
         found = result.status != "not_scanned"
         if scan is not None:
             noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
             largest_m = max(0.003, round(3 * noise_m, 3))
-            self.show_scan(scan, self._distances(result, scan) if found else None, largest_m)
+            distances_m = self._distances(result, scan) if found else None
+            if distances_m is not None:
+                on_surface = self._local(scan.points[distances_m < largest_m])
+            self.show_scan(scan, distances_m, largest_m)
         if found:
             self.show_fit(result.element, result.q, result.base_pose)
             lines = colour_segments(self._vis, result, segment_bodies(result.element), FITTED_OPACITY)
             ellipsoids = show_ellipsoids(self._vis, result, self._local)
             for colour, text in [*lines, *([ellipsoids] if ellipsoids else [])]:
                 self._caption(colour, text)
-            labels = play_back(self._vis, result, self._poses)
-            self.scene.tell("steps", labels=labels, fps=FPS)
+            steps = steps_of(result)
+            poses = [self._poses(q, base_pose) for _, q, base_pose in steps]
+            self._vis["pairs"].delete()
+            if len(on_surface):
+                show_pairs(self._vis, FittedSurface(result.element), on_surface, poses)
+            play_back(self._vis, poses)
+            self.scene.tell("steps", labels=[label for label, _, _ in steps], fps=FPS, pairs=len(on_surface) > 0)
         self._caption(None, "status: " + result.status + "".join(f"\n{reason}" for reason in result.reasons))
 
     def on_iteration(self, record: IterationRecord) -> None:
@@ -160,17 +180,31 @@ class Viewer:
         # A search has hundreds of short iterations, more than an eye can tell apart.
         if record.phase == "search" and time.monotonic() - self._shown_s < LEAST_BETWEEN_S:
             return
-        self.show_fit(self._element, record.q, record.base_pose)
+        if self._playback is None:
+            self.show_fit(self._element, record.q, record.base_pose)
+        else:
+            self._playback.put(record)
         self._shown_s = time.monotonic()
-        # A fit is over in a blink: hold each state long enough to be seen, but not for ever.
-        pause = min(self._pause_s, self._pause_left_s)
-        if pause > 0:
-            time.sleep(pause)
-            self._pause_left_s -= pause
 
     def slow_down(self, pause_s: float = 0.08, total_s: float = 10.0) -> None:
-        """Let `on_iteration` wait after each state, ``total_s`` over all of them."""
-        self._pause_s, self._pause_left_s = pause_s, total_s
+        """Show states no faster than an eye follows; the fit goes on meanwhile.
+
+        Args:
+            pause_s: how long each is shown at least.
+            total_s: over all of them; what is left then is shown at once.
+        """
+        if self._playback is None:
+            self._playback = Playback(self._show_record, pause_s, total_s)
+
+    def catch_up(self) -> None:
+        """Wait until all states are shown that `on_iteration` was given."""
+        if self._playback is not None:
+            self._playback.finish()
+            self._playback = None
+
+    def _show_record(self, record: IterationRecord) -> None:
+        assert self._element is not None
+        self.show_fit(self._element, record.q, record.base_pose)
 
     def serve(self, port: int | None = None) -> str:
         """Serve the scene on the loopback address and return its URL."""
@@ -193,6 +227,9 @@ class Viewer:
 
     def close(self) -> None:
         """Stop serving."""
+        if self._playback is not None:
+            self._playback.stop()
+            self._playback = None
         self.scene.close()
 
     def _local(self, points: Array) -> Array:
@@ -222,16 +259,8 @@ class Viewer:
 
     def _distances(self, result: FitResult, scan: Scan) -> Array:
         """Return the distance of every point [P] to the fitted surface."""
-        import open3d as o3d
-
-        scene = o3d.t.geometry.RaycastingScene()
-        for k, T in enumerate(self._poses(result.q, result.base_pose)):
-            if k == 0 or result.element.is_tapered:
-                vertices, triangles = segment_triangles(result.element, k)
-            placed = (vertices @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
-            scene.add_triangles(o3d.core.Tensor(placed), o3d.core.Tensor(triangles.astype(np.uint32)))
-        local = np.ascontiguousarray(self._local(scan.points), dtype=np.float32)
-        return np.asarray(scene.compute_distance(o3d.core.Tensor(local)).numpy(), dtype=np.float64)
+        poses = self._poses(result.q, result.base_pose)
+        return FittedSurface(result.element).distances_m(self._local(scan.points), poses)
 
     def _look_at(self, start: Array, end: Array, side: Array) -> None:
         """Turn the camera to what lies between two points, from one side and a little above.

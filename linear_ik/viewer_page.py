@@ -24,11 +24,12 @@ START_TIMEOUT_S = 10.0
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
-<head><meta charset="utf-8"><title>{title}</title>
+<head><meta charset="utf-8"><link rel="icon" href="data:,"><title>{title}</title>
 <style>
 body {{ margin: 0; }}
 #meshcat-pane {{ width: 100vw; height: 100vh; overflow: hidden; }}
-#caption {{ position: absolute; left: 12px; top: 12px; padding: 8px 12px; border-radius: 6px; pointer-events: none;
+#caption {{ position: absolute; left: 12px; top: 12px; max-width: calc(100vw - 24px); box-sizing: border-box;
+  padding: 8px 12px; border-radius: 6px; pointer-events: none;
   background: rgba(20, 24, 30, 0.72); color: #eee; font: 13px/1.5 system-ui, sans-serif; white-space: pre-line; }}
 #player {{ position: absolute; left: 12px; right: 12px; bottom: 12px; display: flex; gap: 12px; align-items: center;
   padding: 8px 12px; border-radius: 6px; background: rgba(20, 24, 30, 0.72); color: #eee;
@@ -37,12 +38,15 @@ body {{ margin: 0; }}
 #player input {{ flex: 1; min-width: 60px; }}
 #player button {{ font: inherit; width: 62px; }}
 #player output {{ min-width: 22em; }}
+#player input[type="checkbox"] {{ flex: none; min-width: 0; vertical-align: -2px; }}
+@media (max-width: 600px) {{ #caption {{ top: 28px; }} }}
 @media (max-width: 600px) {{ #player {{ flex-wrap: wrap; }} #player output {{ min-width: 100%; }} }}
 #caption i {{ display: inline-block; width: 10px; height: 10px; border-radius: 5px; margin-right: 7px; }}
 </style></head>
 <body><div id="meshcat-pane"></div><div id="caption">{caption}</div>
 <div id="player" hidden><button type="button">Play</button>
-<input type="range" min="0" max="0" step="1" aria-label="iteration"><output></output></div>
+<input type="range" min="0" max="0" step="1" aria-label="iteration"><output></output>
+<label hidden><input type="checkbox"> pairs</label></div>
 <script>{javascript}</script>
 <script>
 var viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));

@@ -8,6 +8,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.element import Element
 from linear_ik.result import FitResult
 from linear_ik.viewer_shapes import material, transform
 
@@ -21,35 +22,51 @@ ELLIPSOID_SHARE = 1 / 80  # of the length: what is smaller is not seen
 SCALES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 STATUS_COLOURS = {"inferred": 0xE2B53C, "not_scanned": 0x8A919B}
 ELLIPSOID_COLOUR = 0xC2410C
+JOINT_COLOUR, JOINT_SHARE = 0xFACC15, 1 / 200
 
 
-def play_back(vis: Any, result: FitResult, poses: Callable[[Array, Array], list[Array]]) -> list[str]:
-    """Give the page the fit as an animation, and return what to say of each of its steps.
+def steps_of(result: FitResult) -> list[tuple[str, Array, Array]]:
+    """Return what is shown of a fit, step by step: label, q and base pose; the result is the last."""
+    steps = []
+    count = len(result.history)
+    for i in np.unique(np.linspace(0, count - 1, FRAMES).astype(int)) if count else ():
+        record = result.history[i]
+        rms = f", {1e3 * record.surface_rmse_m:.2f} mm rms" if np.isfinite(record.surface_rmse_m) else ""
+        label = f"iteration {record.iteration} of {count}, {record.phase}{rms}"
+        steps.append((label, record.q, record.base_pose))
+    return [*steps, ("result", result.q, result.base_pose)]
+
+
+def play_back(vis: Any, steps: list[list[Array]]) -> None:
+    """Give the page a fit as an animation.
 
     Args:
         vis: meshcat's Visualizer.
-        result: of a fit.
-        poses: transforms [N][4][4] of the segments at q and base pose.
+        steps: transforms [N][4][4] of the segments at each step.
     """
     from meshcat.animation import Animation
 
-    if not result.history:
-        return []
-    chosen = np.unique(np.linspace(0, len(result.history) - 1, FRAMES).astype(int))
-    states = [(result.history[i].q, result.history[i].base_pose) for i in chosen]
-    states.append((result.q, result.base_pose))
     animation = Animation(default_framerate=FPS)
-    for i, (q, base_pose) in enumerate(states):
-        for k, T in enumerate(poses(q, base_pose)):
+    for i, poses in enumerate(steps):
+        for k, T in enumerate(poses):
             with animation.at_frame(vis, i) as frame:
                 frame[f"fitted/{k + 1}"].set_transform(T)
     vis.set_animation(animation)
-    labels = []
-    for i in chosen:
-        record = result.history[i]
-        rms = f", {1e3 * record.surface_rmse_m:.2f} mm rms" if np.isfinite(record.surface_rmse_m) else ""
-        labels.append(f"iteration {record.iteration} of {len(result.history)}, {record.phase}{rms}")
-    return [*labels, "result"]
+
+
+def show_joints(vis: Any, element: Element) -> None:
+    """Draw a ball at each joint and at the end; they move with the segments that they belong to."""
+    from meshcat.geometry import MeshBasicMaterial, Sphere
+
+    ball = Sphere(min(JOINT_SHARE * element.length_m, element.segment_length_m / 4.0))
+    # Inside the member, and seen through it.
+    yellow = MeshBasicMaterial(color=JOINT_COLOUR, transparent=True, depthTest=False)
+    joints = [vis[f"fitted/{k + 1}/joint"] for k in range(element.segments)]
+    end = vis[f"fitted/{element.segments}/end"]
+    for joint in (*joints, end):
+        joint.set_object(ball, yellow)
+        joint.set_property("renderOrder", 1)
+    end.set_transform(transform(np.eye(3), np.array([0.0, 0.0, element.segment_length_m])))
 
 
 def colour_segments(vis: Any, result: FitResult, bodies: list[Any], opacity: float) -> list[tuple[str, str]]:

@@ -110,6 +110,23 @@ def test_fit_judges(folder, here, capfd):
     assert "verdicts" not in json.loads((here / "plain.json").read_text())
 
 
+def test_own_weight_is_stated_by_options(folder, here, capsys):
+    """Of fit and report alike; what is wrong is named by its option, what is missing in the verdict."""
+    base = ["report", f"{folder}/result.json", "-o", "r.html", "--tolerances", "nsss", "--loading-state", "self_weight"]
+    for options, said in (
+        (["--supports", "hinged"], "--supports: 'hinged' (one of simple, clamped"),
+        (["--material", "11"], "--material: '11' (one of steel, or E in GPa and kg/m3"),
+        (["--material", "-11,420"], "--material: '-11,420'"),
+    ):
+        assert main([*base, *options]) == 2 and said in capsys.readouterr().err
+        assert not (here / "r.html").exists()
+    for option in ("--supports=simple", "--material=steel"):
+        assert main(["report", f"{folder}/result.json", "-o", "r.html", option]) == 2
+        assert f"{option.split('=')[0]}: given without tolerances" in capsys.readouterr().err
+    assert main([*base, "--supports", "simple", "--material", "11,420"]) == 0
+    assert "simply supported, E 11 GPa, 420 kg/m3" in (here / "r.html").read_text()
+
+
 def test_fit_says_where_no_clause_applies(folder, here, capfd):
     assert fit_to(folder, "r.json", "--tolerances", "iso13920e", "--loading-state", "loaded") == 0
     assert "inconclusive" in capfd.readouterr().err

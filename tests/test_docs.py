@@ -8,12 +8,14 @@ import shlex
 import subprocess
 import sys
 from pathlib import Path
+from typing import get_args
 
 import pytest
 import typer
 import yaml
 
 from linear_ik.cli.app import app
+from linear_ik.reason import CARRIED, NOTES, ReasonCode
 
 ROOT = Path(__file__).parent.parent
 FENCE = re.compile(r"^```(\w*)\n(.*?)^```$", re.MULTILINE | re.DOTALL)
@@ -129,6 +131,18 @@ def test_the_citation_names_this_version() -> None:
     citation = yaml.safe_load((ROOT / "CITATION.cff").read_text(encoding="utf-8"))
     assert citation["version"] == linear_ik.__version__ and citation["license"] == "Apache-2.0"
     assert f"Version {linear_ik.__version__}." in (ROOT / "docs" / "cite.md").read_text(encoding="utf-8")
+
+
+def test_every_code_of_a_reason_is_in_the_table() -> None:
+    """The type of Reason.code lists all that the package can give; mypy holds it to that."""
+    text = (ROOT / "docs" / "formats.md").read_text(encoding="utf-8")
+    table = text.split("### Reasons")[1].split("\n## ")[0]
+    rows = re.findall(r"^\| `(\w+)` \| .+ \| (\w*) ?\|$", table, re.MULTILINE)
+    assert [code for code, _ in rows] == list(dict.fromkeys(code for code, _ in rows))
+    assert {code for code, _ in rows} == set(get_args(ReasonCode))
+    kinds = dict(rows)
+    assert {code for code, kind in kinds.items() if kind == "note"} == NOTES
+    assert {code for code, kind in kinds.items() if kind == "carried"} == CARRIED
 
 
 def test_every_public_name_is_in_the_reference() -> None:

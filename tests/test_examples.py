@@ -37,6 +37,16 @@ def test_a_beam_with_bands(capsys, monkeypatch):
     assert len(re.findall(r"  s = ", said)) == 11
 
 
+def test_own_weight(capsys, monkeypatch):
+    """12 m of IPE 300 (42.2 kg/m, 8356 cm^4): 6.37 mm between hinges, a fifth of that where both ends are clamped."""
+    said = run("own_weight.py", capsys, monkeypatch)
+    assert "steel: E 210 GPa, 7850 kg/m3" in said
+    assert number(r"simple +([\d.]+) mm", said) == pytest.approx(6.37, abs=0.02)
+    assert number(r"clamped +([\d.]+) mm", said) == pytest.approx(6.37 / 5, abs=0.01)
+    outcomes = dict(re.findall(r"^(not stated|simple|clamped): (\w+),", said, re.MULTILINE))
+    assert outcomes == {"not stated": "inconclusive", "simple": "pass", "clamped": "fail"}
+
+
 def test_a_pipe_from_one_side(capsys, monkeypatch):
     said = run("pipe_from_one_side.py", capsys, monkeypatch)
     rows = dict(re.findall(r"^  (along the pipe|along the line of sight|across it) +([\d.]+) mm", said, re.MULTILINE))

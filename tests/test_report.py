@@ -25,12 +25,12 @@ from linear_ik.exports.result_json import ResultError, write_result
 from linear_ik.profile import CircleHollow, IShape
 from linear_ik.report import Run, judged_member, nearby, read_run, render, write_report
 from linear_ik.report.cloud import Cloud, T_world_segments
-from linear_ik.report.svg import curve_plot, section_plot
-from linear_ik.report.words import figure_rows, seen, with_band
+from linear_ik.report.svg import TOP, curve_plot, section_plot
+from linear_ik.report.words import elastic_rows, figure_rows, seen, with_band
 from linear_ik.result import FitResult, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.simulate import simulate
-from linear_ik.tolerances import Conditions, ConditionsOfEach, load_tolerances
+from linear_ik.tolerances import Conditions, ConditionsOfEach, load_tolerances, material_named
 
 NASTY = "<script>alert(1)</script> \"'&"
 
@@ -199,6 +199,40 @@ def test_figures_and_verdicts_are_against_one_shape() -> None:
     )
     assert member.verdicts[0].value == member.deviations.bow_m.value == pytest.approx(0.015)
     assert "15.0" in figure_rows(member.deviations)[0]["text"]
+
+
+def test_elastic_sag_and_imperfection_stand_apart() -> None:
+    """12 m of 0.1 x 0.2 m steel, straight as scanned: 29.7 mm of sag stand beside as much imperfection, upwards."""
+    beam = posed(Element("b", H, 12.0, 8, BEAM), np.zeros((8, 3)), 1e-6)
+    steel = Conditions("self_weight", 0.0, "simple", material_named("steel"))
+    member = judged_member(beam, load_tolerances("nsss"), steel)
+    assert member.elastic is not None and member.elastic.largest_m == pytest.approx(0.02969, abs=1e-5)
+    assert member.deviations.bow_m.value == pytest.approx(0.0, abs=1e-9)
+    assert member.imperfection.bow_m.value == pytest.approx(0.02969, abs=1e-5)
+    assert member.imperfection.camber_m.value == pytest.approx(0.02969, abs=1e-5)
+    rows = {row["label"]: row for row in elastic_rows(member)}
+    sag = rows["elastic sag of own weight, computed: largest offset from the chord"]
+    assert sag["text"] == "29.7 ± 1.5 mm" and "simply supported, steel" in sag["note"] and "EN 1993-1-1" in sag["note"]
+    assert rows["imperfection: bow without it"]["text"] == "29.7 ± 1.5 mm"
+    assert rows["imperfection: sweep without it"]["text"].startswith("0.0")
+    page = render(Run("r", (member,)))
+    assert page.count('class="line elastic ') == 2 and "imperfection: w(s) without the elastic sag" in page
+    for what in ("<dt>as scanned</dt>", "<dt>elastic sag</dt>", "<dt>imperfection</dt>"):
+        assert what in page, what
+    # The limit is drawn with the curve that it holds for, once above and once below.
+    assert page.count('<path class="limit"') == 2
+    assert page.index("imperfection: w(s)") < page.index('<path class="limit"') < page.index("offset from the design,")
+    plain = render(Run("r", (judged_member(beam, load_tolerances("nsss"), Conditions("self_weight")),)))
+    assert "elastic sag</dt>" not in plain and 'class="line elastic' not in plain
+
+
+def test_ticks_stay_on_the_plot() -> None:
+    for top_m in (0.0161, 0.0099, 0.0021, 0.05):
+        angles = np.zeros((6, 3))
+        angles[0, 1], angles[3, 1] = -top_m / 1.5, 2 * top_m / 1.5
+        member = judged_member(posed(Element("c", H, 3.0, 6, COLUMN), angles))
+        plot = curve_plot(member.deviations.offset_m, 3.0, "w", member.result.segments)
+        assert min(float(y) for y in re.findall(r'class="grid" d="M\d+ ([\d.]+)H', plot)) >= TOP
 
 
 def test_a_band_that_is_not_known_is_left_out_and_said() -> None:

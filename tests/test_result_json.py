@@ -23,6 +23,7 @@ CONTRACT = {
     "schema": str,
     "status": str,
     "reasons": list,
+    "reason_codes": list,
     "iterations": int,
     "nodes_m": list,
     "nodes_covariance_m2": list,
@@ -68,6 +69,7 @@ def make_result(status="uncertain", segments=N, location=(512345.678, 5403210.12
         element=element,
         status=status,
         reasons=("Segment 4 has no points.",),
+        reason_codes=("segments_not_scanned",),
         nodes_m=np.array(location) + random.normal(size=(segments + 1, 3)),
         nodes_covariance_m2=covariance,
         q=q,
@@ -118,7 +120,17 @@ def test_round_trip_is_exact(tmp_path, status):
     for name in ("nodes_m", "nodes_covariance_m2", "q", "joint_angles_rad", "joint_limits_rad", "base_pose"):
         assert np.array_equal(getattr(back, name), getattr(result, name)), name
         assert getattr(back, name).dtype == np.float64
-    for name in ("element", "status", "reasons", "rmse_m", "surface_rmse_m", "range_noise_m", "settings", "timings_s"):
+    for name in (
+        "element",
+        "status",
+        "reasons",
+        "reason_codes",
+        "rmse_m",
+        "surface_rmse_m",
+        "range_noise_m",
+        "settings",
+        "timings_s",
+    ):
         assert getattr(back, name) == getattr(result, name), name
     assert back.segments[:-1] == result.segments[:-1]
     assert math.isnan(back.segments[-1].surface_rmse_m)
@@ -133,6 +145,13 @@ def test_round_trip_is_exact(tmp_path, status):
         )
     # What is read can be written again, to the last bit.
     assert result_to_json(back) == result_to_json(result)
+
+
+def test_a_result_written_before_there_were_codes_is_read_without():
+    mapping = result_to_mapping(make_result())
+    del mapping["reason_codes"]
+    back = result_from_mapping(mapping)
+    assert back.reasons and back.reason_codes == () and not back.doubts_are_carried
 
 
 def test_covariance_that_is_not_known_comes_back_as_nan(tmp_path):
@@ -167,7 +186,7 @@ def _set(*path_and_value):
     [
         (_set("schema", "linear_ik/result/2"), "schema"),
         (_without("schema"), "schema"),
-        *((_without(key), key) for key in CONTRACT if key not in ("schema", "versions", "iterations")),
+        *((_without(key), key) for key in CONTRACT if key not in ("schema", "versions", "iterations", "reason_codes")),
         (_without("element"), "element"),
         (_set("status", "good"), "status"),
         (_set("segments", 1, "status", "seen"), "segments[1].status"),
@@ -180,6 +199,7 @@ def _set(*path_and_value):
         (_set("q", None), "q"),
         (_set("rmse_m", "small"), "rmse_m"),
         (_set("reasons", "none"), "reasons"),
+        (_set("reason_codes", ["segments_not_scanned"] * 2), "reason_codes"),
         (_set("history", 0, "q", [1.0]), "history[0].q"),
         (_set("history", 0, "phase", 3), "history[0].phase"),
         (_set("history", {}), "history"),

@@ -12,6 +12,7 @@ from hypothesis import given, settings
 from hypothesis import strategies as st
 from posed import BEAM, COLUMN, H, posed
 
+from linear_ik.elastic_sag import MATERIALS, elastic_sag
 from linear_ik.element import Element, Placement
 from linear_ik.errors import SettingsError, ToleranceError
 from linear_ik.profile import Circle, LShape, Profile, Rectangle
@@ -185,6 +186,74 @@ def test_own_weight_sags_and_does_not_sweep() -> None:
         assert v.outcome == "inconclusive" and "loaded" in v.reason
 
 
+def test_own_weight_is_taken_away_where_it_can_be_computed() -> None:
+    """12 m of 0.1 x 0.2 m steel between hinges: 5 q L^4 / 384 E I = 29.69 mm."""
+    weight = Conditions("self_weight", supports="simple", material=MATERIALS["steel"])
+    elastic_m = 5 * 7850 * 9.80665 * 0.02 * 12**4 / (384 * 210e9 * (0.1 * 0.2**3 / 12))
+    assert elastic_m == pytest.approx(0.02969, abs=5e-6)
+    for imperfect_mm, outcome in (
+        (5.0, "pass"),
+        (11.5, "inconclusive"),
+        (14.0, "fail"),
+        (-5.0, "pass"),
+        (-14.0, "fail"),
+    ):
+        v = judged(kinked(12.0, -elastic_m - imperfect_mm / 1e3, axis=0), "nsss", weight)
+        assert v.outcome == outcome and v.upper == pytest.approx(0.012), (imperfect_mm, v)
+        assert v.value == pytest.approx(abs(imperfect_mm) / 1e3, abs=5e-5)
+        # Exactly known nodes: the band is that of the sag, 5 % of it.
+        assert v.band == pytest.approx(0.05 * elastic_m, rel=0.01)
+        assert v.as_scanned == pytest.approx(elastic_m + imperfect_mm / 1e3, rel=1e-3)
+        assert v.elastic_sag_m == pytest.approx(elastic_m, rel=1e-9)
+        assert v.elastic_of == "simply supported, steel: E 210 GPa, 7850 kg/m3" and v.elastic_of in v.reason
+    # Straight under its own weight: it was made with 29.69 mm of camber that nobody specified.
+    assert judged(kinked(12.0, 0.0, axis=0), "nsss", weight).outcome == "fail"
+    specified = replace(weight, precamber_m=elastic_m)
+    assert judged(kinked(12.0, 0.0, axis=0), "nsss", specified).outcome == "pass"
+    sure = replace(weight, sag_share95=0.0)
+    assert judged(kinked(12.0, -elastic_m - 0.0115, axis=0), "nsss", sure).outcome == "pass"
+    # A clause that does not hold for the unstressed member is held against what was scanned.
+    (v,) = verdicts(kinked(12.0, -elastic_m, axis=0), load_tolerances("din18202_walls"), weight)
+    assert v.elastic_sag_m is None and v.value == pytest.approx(elastic_m, rel=1e-3)
+
+
+def test_what_would_make_own_weight_known_is_said() -> None:
+    beam, steel = kinked(12.0, 0.0, axis=0), MATERIALS["steel"]
+    for known, said, unsaid in (
+        (Conditions("self_weight"), "how it is held", "nothing"),
+        (Conditions("self_weight", supports="simple"), "what it is made of", "how it is held"),
+        (Conditions("self_weight", material=steel), "how it is held", "what it is made of"),
+        (Conditions(supports="simple", material=steel), "self_weight with supports and material", "state how"),
+    ):
+        v = judged(beam, "nsss", known)
+        assert v.outcome == "inconclusive" and said in v.reason and unsaid not in v.reason
+    arch = Element("arch", H, 4.0, 2, BEAM, axis_points=((0, 0, 0), (0, 0, 2.0), (0.4, 0, 3.9595917942265424)))
+    v = judged(posed(arch, arch.design.angles_rad, EXACT), "nsss", Conditions("self_weight", None, "simple", steel))
+    assert v.outcome == "inconclusive" and "curved by design" in v.reason
+
+
+def test_own_weight_of_a_cantilever_and_of_a_rolled_section() -> None:
+    """Figures are without the elastic curve whichever way it goes: along the chord of a tip that fell, and sideways."""
+    steel = MATERIALS["steel"]
+    for profile, roll, supports in (
+        (H, 0.0, "cantilever"),
+        (H, 0.35, "simple"),
+        (LShape(0.1, 0.1, 0.01), 0.0, "clamped"),
+    ):
+        side = (0.0, math.cos(roll), math.sin(roll))
+        beam = Element("beam", profile, 6.0, 12, Placement((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), side))
+        sag = elastic_sag(beam, supports, steel)  # type: ignore[arg-type]
+        known = Conditions("self_weight", None, supports, steel, 0.0)  # type: ignore[arg-type]
+        u = sag.displacement_m
+        slope = np.diff(u, axis=0)[:, :2] / beam.segment_length_m
+        turn = np.diff(np.vstack([np.zeros((1, 2)), slope]), axis=0)
+        # Small angles: turning about x moves the axis along -y, about y along +x.
+        result = posed(beam, np.column_stack([-turn[:, 1], turn[:, 0], np.zeros(12)]), EXACT)
+        (v,) = (v for v in verdicts(result, load_tolerances("nsss"), known))
+        assert v.as_scanned == pytest.approx(sag.largest_m, rel=0.01) and sag.largest_m > 2e-4
+        assert v.outcome == "pass" and v.value is not None and v.value < 0.01 * sag.largest_m
+
+
 def swept(profile: Profile, roll_rad: float) -> Verdict:
     """10 mm out of line to the side, under own weight."""
     side = (0.0, math.cos(roll_rad), math.sin(roll_rad))
@@ -225,6 +294,11 @@ def test_a_fit_in_doubt_decides_nothing() -> None:
     doubtful = kinked(4.0, 0.050, status="uncertain", reasons=("segment 2 not scanned",))
     v = judged(doubtful, "nsss")
     assert v.outcome == "inconclusive" and v.reason == "the fit is uncertain; segment 2 not scanned"
+    # A place along the axis that nobody sees is in the bands; a result without codes doesn't say that it is only that.
+    place = "the scan does not show where the element lies along its axis: as designed, to 60 mm (95 %)"
+    for codes, outcome in (((), "inconclusive"), (("place_not_shown",), "fail")):
+        doubtful = kinked(4.0, 0.050, status="uncertain", reasons=(place,), reason_codes=codes)
+        assert judged(doubtful, "nsss").outcome == outcome
     v = judged(kinked(4.0, 0.050, status="not_scanned"), "nsss")
     assert v.outcome == "inconclusive" and v.value is None
 
@@ -294,6 +368,12 @@ def test_conditions_from_a_file(tmp_path: Path) -> None:
     ("text", "says"),
     [
         ("default: {loading: x}", "default: unknown key 'loading'"),
+        ("default: {supports: hinged}", "default.supports: 'hinged'"),
+        ("default: {material: iron}", "default.material: 'iron'"),
+        ("default: {material: {elastic_modulus_gpa: 11}}", "default.material: key density_kg_m3 is missing"),
+        ("default: {material: {elastic_modulus_gpa: 0, density_kg_m3: 420}}", "material.elastic_modulus_gpa: 0"),
+        ("default: {material: {elastic_modulus_gpa: 11, density_kg_m3: 420, grade: C24}}", "unknown key 'grade'"),
+        ("elements: {B-1: {sag_share95: 5}}", "elements.B-1.sag_share95: 5"),
         ("default: {loading_state: wet}", "default.loading_state: 'wet'"),
         ("elements: {B-1: {precamber_m: '20 mm'}}", "elements.B-1.precamber_m: '20 mm'"),
         ("elements: {B-1: {precamber_m: true}}", "elements.B-1.precamber_m: True"),

@@ -3,6 +3,7 @@ import math
 import socket
 import subprocess
 import sys
+import threading
 import time
 import urllib.error
 import urllib.request
@@ -15,6 +16,7 @@ import umsgpack
 from browser import CHROMIUM, browser
 from PIL import Image
 
+import linear_ik
 from linear_ik.chain import Chain
 from linear_ik.element import Element, Placement
 from linear_ik.errors import OutputError
@@ -24,6 +26,7 @@ from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.simulate import simulate
 from linear_ik.viewer import MOST_POINTS, Viewer
+from linear_ik.viewer_pairs import MOST_PAIRS
 from linear_ik.viewer_result import RADIUS_95
 
 UTM = (512345.678, 5403210.123, 412.5)
@@ -104,7 +107,10 @@ def test_each_iteration_moves_the_segments():
         node = Chain.of(element).nodes(q)[3]
         np.testing.assert_allclose(tips[-1] - matrix(viewer, "design")[:3, 3], base[:3, :3] @ node, atol=1e-7)
     assert np.linalg.norm(tips[2] - tips[1]) > 0.05
-    assert len([key for key in commands(viewer) if key[0].startswith("fitted") and key[1] == "set_object"]) == 4
+    bodies = [key[0] for key in commands(viewer) if key[0].startswith("fitted") and key[1] == "set_object"]
+    assert sorted(bodies) == sorted(
+        [*(f"fitted/{k}{part}" for k in (1, 2, 3, 4) for part in ("", "/joint")), "fitted/4/end"]
+    )
 
 
 def test_a_search_is_shown_no_faster_than_an_eye_follows(monkeypatch):
@@ -124,7 +130,7 @@ def test_a_search_is_shown_no_faster_than_an_eye_follows(monkeypatch):
 
 def test_slowed_iterations_end(monkeypatch):
     slept = []
-    monkeypatch.setattr("linear_ik.viewer.time.sleep", slept.append)
+    monkeypatch.setattr("linear_ik.viewer_playback.time.sleep", slept.append)
     element = column(segments=2)
     viewer = Viewer()
     viewer.show_design(element)
@@ -134,7 +140,73 @@ def test_slowed_iterations_end(monkeypatch):
     viewer.slow_down(pause_s=0.1, total_s=0.25)
     for _ in range(10):
         viewer.on_iteration(record)
+    viewer.catch_up()
     assert sum(slept) == pytest.approx(0.25) and max(slept) <= 0.1
+
+
+def test_a_live_view_does_not_hold_the_fit(monkeypatch):
+    """States are held for an eye, 2 s of them here; the fit runs ahead, and the view costs it less than a tenth."""
+    element = column(segments=6, location=(0, 0, 0))
+    scan = simulate(element, bends=["2:y:8", "5:x:-6"], points=3000).without_truth()
+    viewer = Viewer()
+    viewer.show_design(element)
+    viewer.show_scan(scan)
+    shown = []
+    monkeypatch.setattr(viewer, "_show_record", lambda record: shown.append(record.iteration))
+    viewer.slow_down(pause_s=0.5, total_s=2.0)
+    spent = [0.0]
+
+    def watched(record):
+        started = time.thread_time()
+        viewer.on_iteration(record)
+        spent[0] += time.thread_time() - started
+
+    started = time.thread_time()
+    result = linear_ik.fit(element, scan, on_iteration=watched)
+    took = time.thread_time() - started
+    assert len(shown) < result.iterations  # still at the first ones
+    assert spent[0] < 0.1 * took
+    viewer.catch_up()
+    assert shown[0] == 1 and shown[-1] == result.iterations
+
+
+def test_closing_a_live_view_ends_what_it_shows():
+    element = column(segments=2)
+    viewer = Viewer()
+    viewer.show_design(element)
+    viewer.serve()
+    viewer.slow_down(pause_s=0.05, total_s=100.0)
+    base = element.placement.T_world_element
+    for i in range(1000):
+        viewer.on_iteration(IterationRecord(i + 1, "full", 0, 0.0, 1.0, 0.0, 0.0, np.zeros(6), base))
+    before = threading.active_count()
+    started = time.monotonic()
+    viewer.close()
+    assert time.monotonic() - started < 20 and threading.active_count() == before - 2  # playback and server
+
+
+def lines_of(viewer, step):
+    data = commands(viewer)[f"pairs/{step}", "set_object"]["object"]["geometries"][0]["data"]["attributes"]
+    return np.frombuffer(data["position"]["array"].data, np.float32).reshape(-1, 2, 3)
+
+
+def test_pairs_join_points_to_the_surface_at_each_step():
+    element = column(segments=3, profile=RectangleHollow(0.2, 0.2, 0.01), location=(0, 0, 0))
+    scan = simulate(element, bends=["2:y:20"], points=2000)
+    viewer = Viewer()
+    viewer.show_result(fitted(element, scan))
+    assert not [key for key in commands(viewer) if key[0].startswith("pairs/")]  # without a scan there are none
+    viewer.show_result(fitted(element, scan), scan)
+    drawn = commands(viewer)
+    assert drawn["pairs", "set_propertyvisible"]["value"] is False
+    first, last = lines_of(viewer, 0), lines_of(viewer, 5)
+    assert first.shape == last.shape == (MOST_PAIRS, 2, 3) and ("pairs/6", "set_object") not in drawn
+    # The same points at each step; from the design they lie far off, from the result on it.
+    np.testing.assert_array_equal(first[:, 0], last[:, 0])
+    off = [np.linalg.norm(lines[:, 1] - lines[:, 0], axis=1) for lines in (first, last)]
+    assert off[0].max() > 0.1 and off[1].max() < 0.003
+    told = {c["type"]: c for c in (umsgpack.unpackb(data) for data in viewer.scene.commands())}
+    assert told["steps"]["pairs"] is True and len(told["steps"]["labels"]) == 6
 
 
 def test_scan_is_coloured_by_its_distance_to_the_fit():
@@ -209,7 +281,7 @@ def test_the_page_needs_nothing_else_and_escapes_names(tmp_path):
     page = viewer.static_html(tmp_path / "new" / "page.html").read_text(encoding="utf-8")
     assert "<title>H &lt;column&gt;</title>" in page and "A &lt;reason&gt;." in page
     assert "<column>" not in page.replace("&lt;column&gt;", "")
-    markup = page.replace(viewer.scene._page(""), "")
+    markup = page.replace(viewer.scene._page(""), "").replace('<link rel="icon" href="data:,">', "")
     for outside in ("<script src", "<link", "@import", 'fetch("http'):
         assert outside not in markup
     with pytest.raises(OutputError):
@@ -372,6 +444,7 @@ def test_the_slider_goes_through_the_iterations(tmp_path):
 
     with browser(tmp_path / "profile") as tab:
         tab.open(page.as_uri())
+        assert tab.ask("document.querySelector('#player label').hidden")  # no scan, no pairs
         assert tab.ask("document.querySelector('#player input').max") == "5"
         places = [slide(tab, step) for step in (0, 2, 5)]
         assert [text.split(",")[0] for _, text in places] == ["iteration 1 of 5", "iteration 3 of 5", "result"]
@@ -385,3 +458,52 @@ def test_the_slider_goes_through_the_iterations(tmp_path):
         assert len(moved) > 2 and tab.ask("document.querySelector('#player output').textContent") == "result"
         errors = [text for text in tab.complaints if "GL Driver Message" not in text]
         assert errors == [] and all(url.startswith(("file:", "data:")) for url in tab.requests)
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (Debian: apt-get install chromium)")
+def test_a_live_view_renders_and_follows(tmp_path):
+    """The served page: drawn, moved by each iteration, and after the result a slider and the pairs on request."""
+    element = column(segments=4, profile=RectangleHollow(0.3, 0.3, 0.01), location=(0, 0, 0))
+    scan = simulate(element, bends=["2:y:20"], points=1500)
+    result = fitted(element, scan)
+    viewer = Viewer()
+    viewer.show_design(element)
+    viewer.show_scan(scan)
+    url = viewer.serve()
+    x = "viewer.scene_tree.find(['meshcat', 'fitted', '4']).object.position.x"
+    paths = "[['pairs'], ['pairs', '0'], ['pairs', '5']]"
+    visible = paths + ".map((p) => viewer.scene_tree.find(['meshcat', ...p]).object.visible)"
+    try:
+        with browser(tmp_path / "profile") as tab:
+            online = {"offline": False, "latency": 0, "downloadThroughput": -1, "uploadThroughput": -1}
+            tab.send("Network.emulateNetworkConditions", **online)
+            tab.open(url, 800, 600)
+            assert viewer.wait_for_browser(20)
+            places = []
+            for record in result.history:
+                viewer.on_iteration(record)
+                here = matrix(viewer, "fitted/4")[0, 3]
+                assert tab.wait(f"Math.abs({x} - {here}) < 1e-6"), record.iteration
+                places.append(here)
+            assert places[-1] - places[0] > 0.1
+            viewer.show_result(result, scan)
+            assert tab.wait("!document.querySelector('#player').hidden")
+            # It plays once by itself.
+            assert tab.wait(
+                "document.querySelector('#player output').textContent === 'result' && !viewer.animator.playing"
+            )
+            assert tab.ask(visible) == [False, False, True]
+            tab.ask("document.querySelector('#player label input').click()")
+            assert tab.ask(visible) == [True, False, True]
+            slide = "{ const s = document.querySelector('#player input'); s.value = 0;"
+            tab.ask(slide + " s.dispatchEvent(new Event('input')); }")
+            assert tab.ask(visible) == [True, True, False] and tab.ask(x) < places[-1] - 0.1
+            time.sleep(2.0)  # software rendering takes its time
+            with Image.open(tab.shot(tmp_path / "live.png")) as shot:
+                red, green, blue = np.asarray(shot.convert("RGB")).astype(int).transpose(2, 0, 1)
+            assert ((green > red + 25) & (green > blue + 15)).sum() > 1000  # the fitted member
+            assert ((red > green + 60) & (blue > green + 60)).sum() > 100  # the pairs
+            assert [text for text in tab.complaints if "GL Driver" not in text] == []
+            assert all(url in one or one.startswith(("ws:", "data:", "about:")) for one in tab.requests)
+    finally:
+        viewer.close()

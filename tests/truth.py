@@ -2,11 +2,14 @@
 
 from __future__ import annotations
 
+from typing import get_args
+
 import numpy as np
 
 from linear_ik.element import Element
 from linear_ik.profile import Profile
-from linear_ik.result import FitResult
+from linear_ik.reason import ReasonCode
+from linear_ik.result import FitResult, status_of
 from linear_ik.simulate import SimulatedScan
 
 
@@ -64,6 +67,8 @@ def check_consistent(result: FitResult) -> None:
     smallest = np.linalg.eigvalsh(result.nodes_covariance_m2)
     assert (smallest[:, 0] >= -1e-9 * np.maximum(smallest[:, -1], 1e-9)).all()
     assert len(result.segments) == n
+    assert len(result.reason_codes) == len(result.reasons) and set(result.reason_codes) <= set(get_args(ReasonCode))
+    assert result.status == status_of(result.reason_codes), (result.status, result.reason_codes)
     assert all(0.0 <= s.coverage <= 1.0 for s in result.segments)
 
 

@@ -15,7 +15,9 @@ from linear_ik.cli.judging import (
     judge,
     judged_by,
     loading_state_option,
+    material_option,
     precamber_option,
+    supports_option,
     tolerances_option,
     verdicts_of,
 )
@@ -94,6 +96,8 @@ def fit(
     tolerances: Annotated[str | None, tolerances_option()] = None,
     loading_state: Annotated[str | None, loading_state_option()] = None,
     precamber: Annotated[float | None, precamber_option()] = None,
+    supports: Annotated[str | None, supports_option()] = None,
+    material: Annotated[str | None, material_option()] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
     only: Annotated[
         str | None, typer.Option("--only", metavar="GUID,...", help=FOR_MODELS + "fit these elements.")
@@ -154,6 +158,8 @@ def fit(
             tolerances=tolerances,
             loading_state=loading_state,
             precamber=precamber,
+            supports=supports,
+            material=material,
         )
         settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
@@ -171,7 +177,7 @@ def fit(
 
     settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
 
-    profile, known = judged_by(tolerances, loading_state, precamber)
+    profile, known = judged_by(tolerances, loading_state, precamber, supports, material)
 
     from linear_ik.element_file import load_element
 

@@ -32,8 +32,24 @@ def precamber_option() -> Any:
     return typer.Option("--precamber", metavar="METRES", help=about)
 
 
+def supports_option() -> Any:
+    """Return the option that says how a member was held under its own weight."""
+    about = "How it was held under its own weight, whose elastic sag is then taken away."
+    return typer.Option("--supports", metavar="simple|clamped|cantilever|cantilever_end", help=about)
+
+
+def material_option() -> Any:
+    """Return the option that says what a member is made of."""
+    about = "Of the elastic sag: steel (210 GPa, 7850 kg/m3), or E in GPa and kg/m3 with a comma, such as 11,420."
+    return typer.Option("--material", metavar="steel|GPA,KG_M3", help=about)
+
+
 def judged_by(
-    tolerances: str | None, loading_state: str | None, precamber: float | None
+    tolerances: str | None,
+    loading_state: str | None,
+    precamber: float | None,
+    supports: str | None,
+    material: str | None,
 ) -> tuple[Profile | None, Conditions]:
     """Return the tolerances and conditions that the options name.
 
@@ -41,15 +57,22 @@ def judged_by(
         SettingsError, ToleranceError: one of them is wrong.
     """
     from linear_ik.errors import SettingsError
-    from linear_ik.tolerances import Conditions, load_tolerances
+    from linear_ik.tolerances import Conditions, load_tolerances, material_named
 
     try:
-        known = Conditions(loading_state, precamber)  # type: ignore[arg-type]
+        made_of = None if material is None else material_named(material)
+        known = Conditions(loading_state, precamber, supports, made_of)  # type: ignore[arg-type]
     except SettingsError as error:
         raise about_options(error, precamber_m="--precamber") from None
-    if tolerances is None and (loading_state is not None or precamber is not None):
-        option = "--precamber" if loading_state is None else "--loading-state"
-        raise SettingsError(option, "given without tolerances", "--tolerances NAME")
+    stated = {
+        "--loading-state": loading_state,
+        "--precamber": precamber,
+        "--supports": supports,
+        "--material": material,
+    }
+    given = next((option for option, value in stated.items() if value is not None), None)
+    if tolerances is None and given is not None:
+        raise SettingsError(given, "given without tolerances", "--tolerances NAME")
     return None if tolerances is None else load_tolerances(tolerances), known
 
 

@@ -13,7 +13,9 @@ from linear_ik.cli.judging import (
     conditions_of_each,
     judged_by,
     loading_state_option,
+    material_option,
     precamber_option,
+    supports_option,
     tolerances_option,
 )
 from linear_ik.cli.outputs import check_output
@@ -24,7 +26,7 @@ EXAMPLE = """Example: one element with its scan; a run of many, judged by AISC 3
 
 \b
   linear-ik report result.json --scan scan.ply -o report.html
-  linear-ik report asbuilt/ --tolerances aisc303 --loading-state self_weight -o report.html
+  linear-ik report built/ --tolerances aisc303 --loading-state self_weight --supports simple --material steel -o a.html
 """
 
 
@@ -44,9 +46,13 @@ def report(
     tolerances: Annotated[str | None, tolerances_option()] = None,
     loading_state: Annotated[str | None, loading_state_option()] = None,
     precamber: Annotated[float | None, precamber_option()] = None,
+    supports: Annotated[str | None, supports_option()] = None,
+    material: Annotated[str | None, material_option()] = None,
     conditions: Annotated[
         Path | None,
-        file_option("--conditions", metavar="FILE.yaml", about="Both for each element, by GlobalId, tag or name."),
+        file_option(
+            "--conditions", metavar="FILE.yaml", about="These four for each element, by GlobalId, tag or name."
+        ),
     ] = None,
     sections: Annotated[
         list[float] | None,
@@ -57,7 +63,7 @@ def report(
     """Read the results, measure and judge them, write the page."""
     scans = scan or []
     target = check_output(output, [results, *scans, *([conditions] if conditions else [])])
-    profile, general = judged_by(tolerances, loading_state, precamber)
+    profile, general = judged_by(tolerances, loading_state, precamber, supports, material)
     known = conditions_of_each(conditions, profile, general)
     progress = Progress(quiet)
     with progress.stage(f"reading {results}", judges_input=True):

@@ -43,6 +43,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "element": element_to_mapping(result.element),
         "status": result.status,
         "reasons": list(result.reasons),
+        "reason_codes": list(result.reason_codes),
         "iterations": result.iterations,
         "nodes_m": _plain(result.nodes_m),
         "nodes_covariance_m2": _plain(result.nodes_covariance_m2),
@@ -159,10 +160,12 @@ def result_from_mapping(mapping: object) -> FitResult:
     settings = _mapping("settings", _get(top, "settings"))
     # Results of earlier versions have none.
     joint = top.get("configuration_covariance")
+    reasons, codes = _reasons(top)
     return FitResult(
         element=element,
         status=_one_of("status", _get(top, "status"), get_args(Status)),
-        reasons=tuple(str(reason) for reason in _list("reasons", _get(top, "reasons"))),
+        reasons=reasons,
+        reason_codes=codes,
         nodes_m=_array("nodes_m", _get(top, "nodes_m"), (n + 1, 3)),
         nodes_covariance_m2=_array("nodes_covariance_m2", _get(top, "nodes_covariance_m2"), (n + 1, 3, 3)),
         q=_array("q", _get(top, "q"), (3 * n,)),
@@ -197,6 +200,15 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def _reasons(top: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
+    """Return sentences and codes; codes of later versions are kept, results of earlier ones have none."""
+    reasons = tuple(str(reason) for reason in _list("reasons", _get(top, "reasons")))
+    codes = tuple(str(code) for code in _list("reason_codes", top.get("reason_codes", [])))
+    if codes and len(codes) != len(reasons):
+        raise ResultError("reason_codes", f"{len(codes)} of them", f"one for each of the {len(reasons)} reasons")
+    return reasons, codes
 
 
 def _kept(result: FitResult) -> Array | None:

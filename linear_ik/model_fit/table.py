@@ -30,6 +30,7 @@ COLUMNS = (
     "length_m",
     "status",
     "reasons",
+    "reason_codes",
     "points",
     "matched_points",
     "measured_share",
@@ -90,6 +91,7 @@ def line(row: Row) -> dict[str, object]:
     }
     if result is None:
         return values
+    values["reason_codes"] = "; ".join(result.reason_codes)
     values["file"] = row.file
     values["matched_points"] = sum(s.points for s in result.segments)
     measured = sum(s.status == "measured" for s in result.segments)

@@ -10,7 +10,7 @@ import numpy.typing as npt
 
 from linear_ik.element import Element
 from linear_ik.errors import LinearIkError
-from linear_ik.fit import ABSENT, fit, not_scanned
+from linear_ik.fit import fit, not_scanned
 from linear_ik.result import FitResult
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
@@ -93,7 +93,7 @@ def _run(task: Task) -> Outcome:
 
 def _fit(task: Task, rows: npt.NDArray[np.bool_]) -> FitResult:
     if not rows.any():
-        near = f"{ABSENT}: no points within {1e3 * task.reach_m:.0f} mm of its designed surface"
+        near = f"no points within {1e3 * task.reach_m:.0f} mm of its designed surface"
         return not_scanned(task.element, near, task.settings)
     index = None if task.station_index is None else task.station_index[rows]
     return fit(task.element, Scan(task.points[rows], None, task.stations, index), task.settings)

@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.deviation import Deviations, deviations
+from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import LinearIkError, ToleranceError
 from linear_ik.exports.result_json import EXPECTED, ResultError, guid_of, result_from_mapping
 from linear_ik.result import FitResult
@@ -23,8 +24,10 @@ from linear_ik.tolerances import (
     ConditionsOfEach,
     Profile,
     Verdict,
+    imperfection,
     level_of_accuracy,
     overall,
+    sag_of,
     verdicts,
 )
 
@@ -48,6 +51,8 @@ class ReportedMember:
         versions: of what the result was made with.
         deviations: against the specified shape, with its precamber; None where the element was not found,
             or its ends coincide.
+        elastic: what its own weight makes of it, where that was stated and computed; else None.
+        imperfection: the deviations without that; None where ``elastic`` is.
         accuracy: None where the element was not found.
         verdicts: on each clause; empty where no tolerances were asked for.
         outcome: what the verdicts come to; empty where there are none.
@@ -61,6 +66,8 @@ class ReportedMember:
     result: FitResult
     versions: dict[str, str] = field(default_factory=dict)
     deviations: Deviations | None = None
+    elastic: ElasticSag | None = None
+    imperfection: Deviations | None = None
     accuracy: Accuracy | None = None
     verdicts: tuple[Verdict, ...] = ()
     outcome: str = ""
@@ -154,15 +161,21 @@ def judged_member(
         versions: of what the result was made with.
         about: ``name``, ``tag``, ``ifc_class`` and ``profile``, where known.
     """
-    row, element = about or {}, result.element
+    row, element, known = about or {}, result.element, conditions or Conditions()
     found: Deviations | None = None
+    elastic: ElasticSag | None = None
+    free: Deviations | None = None
     if result.status != "not_scanned":
         try:
             # Against the specified shape, as the verdicts are: one set of figures in all of the report.
-            found = deviations(result, precamber_m=(conditions or Conditions()).precamber_m or 0.0)
+            found = deviations(result, precamber_m=known.precamber_m or 0.0)
+            elastic = sag_of(result, known)
+            free = None if elastic is None else imperfection(result, elastic, known)
         except LinearIkError:
             pass  # its ends coincide: there is no chord to measure from, and the page says so
-    judged = verdicts(result, profile, conditions, found) if profile is not None and (found or _absent(result)) else ()
+    judged: tuple[Verdict, ...] = ()
+    if profile is not None and (found or result.status == "not_scanned"):
+        judged = verdicts(result, profile, known, found, free)
     return ReportedMember(
         key=key or element.name,
         name=row.get("name") or element.name,
@@ -172,14 +185,12 @@ def judged_member(
         result=result,
         versions=versions or {},
         deviations=found,
+        elastic=elastic,
+        imperfection=free,
         accuracy=None if found is None else level_of_accuracy(result, found),
         verdicts=judged,
         outcome=overall(judged) if judged else "",
     )
-
-
-def _absent(result: FitResult) -> bool:
-    return result.status == "not_scanned"
 
 
 def _results(source: Path) -> list[Path]:

@@ -22,7 +22,7 @@ from linear_ik.report.body import body_data
 from linear_ik.report.cloud import NearPoints, T_world_segments, gather
 from linear_ik.report.members import ReportedMember, Run
 from linear_ik.report.svg import curve_plot, section_plot, strip
-from linear_ik.report.words import figure_rows, list_row, seen, settings_rows, verdict_row, with_band
+from linear_ik.report.words import elastic_rows, figure_rows, list_row, seen, settings_rows, verdict_row, with_band
 from linear_ik.scan import Scan
 
 Array = npt.NDArray[np.float64]
@@ -179,7 +179,7 @@ def _page(
         "number": number,
         "member": member,
         "verdicts": [verdict_row(v) for v in member.verdicts],
-        "figures": [] if found is None else figure_rows(found),
+        "figures": [] if found is None else [*figure_rows(found), *elastic_rows(member)],
         "joint": found is not None and found.joint,
         "seen": seen(result),
         "strip": strip(result.segments),
@@ -207,17 +207,20 @@ def _plots(member: ReportedMember, found: Deviations) -> list[dict[str, Any]]:
     # A limit that does not hold for this member, or that nobody verified, is none to draw.
     limits = [v.upper for v in member.verdicts if v.figure == "bow" and v.verified_by and v.outcome != "not_applicable"]
     limit = min((upper for upper in limits if upper is not None), default=None)
+    free, elastic = member.imperfection, None if member.elastic is None else member.elastic.offset_m[:, :2]
+    # The limit stands where it holds: with what is compared with it.
+    drawn = [("w(s): offset from the chord", found.offset_m, "offset from the chord", None if free else limit, elastic)]
+    if free is not None:
+        drawn.append(("imperfection: w(s) without the elastic sag", free.offset_m, "imperfection", limit, None))
+    drawn.append(("offset from the design", found.departure_m, "offset from the design", None, None))
     return [
         {
-            "title": "w(s): offset from the chord",
-            "bands_known": bool(np.isfinite(found.offset_m.band).all()),
-            "svg": curve_plot(found.offset_m, found.length_m, "offset from the chord", segments, limit),
-        },
-        {
-            "title": "offset from the design",
-            "bands_known": bool(np.isfinite(found.departure_m.band).all()),
-            "svg": curve_plot(found.departure_m, found.length_m, "offset from the design", segments),
-        },
+            "title": title,
+            "dashed": "" if beside is None else "; dashed: the elastic sag of own weight, computed",
+            "bands_known": bool(np.isfinite(curve.band).all()),
+            "svg": curve_plot(curve, found.length_m, what, segments, limit_m, beside),
+        }
+        for title, curve, what, limit_m, beside in drawn
     ]
 
 

@@ -22,7 +22,12 @@ SECTION_PX = 260
 
 
 def curve_plot(
-    curve: Curve, length_m: float, what: str, segments: Sequence[SegmentResult], limit_m: float | None = None
+    curve: Curve,
+    length_m: float,
+    what: str,
+    segments: Sequence[SegmentResult],
+    limit_m: float | None = None,
+    beside: Array | None = None,
 ) -> Markup:
     """Return a curve in mm over the length, both axes with their 95 % bands.
 
@@ -32,14 +37,18 @@ def curve_plot(
         what: the vertical axis, in words.
         segments: those that are not measured are shaded.
         limit_m: dashed lines there and at its negative.
+        beside: [K][2] another curve over the same places, drawn dashed.
     """
     keep = np.unique(np.linspace(0, len(curve.s_m) - 1, min(MOST_NODES, len(curve.s_m))).astype(int))
     s, xy, band = curve.s_m[keep], 1e3 * curve.xy[keep], 1e3 * curve.band[keep]
     known = np.isfinite(band)
     top = float(np.max(np.abs(xy) + np.where(known, band, 0.0), initial=1e-3))
+    dashed = None if beside is None else 1e3 * beside[keep]
+    if dashed is not None:
+        top = max(top, float(np.abs(dashed).max()))
     # A limit far beyond the curve would flatten it; its value is in the table of verdicts.
     if limit_m is not None and 1e3 * limit_m <= 3.0 * top:
-        top = max(top, 1e3 * limit_m)
+        top = max(top, 1.15e3 * limit_m)  # clear of the key
     step, top = _ticks(1.08 * top)
 
     def px(s_m: float) -> float:
@@ -54,7 +63,8 @@ def curve_plot(
         f'aria-label="{escape(what)} along the length; largest {largest:.1f} mm">'
     ]
     out += _unmeasured(segments)
-    for tick in np.arange(-math.floor(top / step) * step, top + step / 2, step):
+    steps = math.floor(top / step)
+    for tick in step * np.arange(-steps, steps + 1):
         out.append(f'<path class="grid" d="M{LEFT} {py(tick):.1f}H{WIDTH - RIGHT}"/>')
         out.append(f'<text x="{LEFT - 6}" y="{py(tick) + 4:.1f}" text-anchor="end">{_number(tick, step)}</text>')
     along, _ = _ticks(length_m, 6)
@@ -74,6 +84,9 @@ def curve_plot(
     for i, (name, label) in enumerate(SERIES):
         line = [(px(a), py(b)) for a, b in zip(s, xy[:, i], strict=True)]
         out.append(f'<path class="line {name}" d="{_path(line)}"/>')
+        if dashed is not None:
+            elastic = [(px(a), py(b)) for a, b in zip(s, dashed[:, i], strict=True)]
+            out.append(f'<path class="line elastic {name}" d="{_path(elastic)}"/>')
         out.append(f'<text class="key {name}" x="{LEFT + 8 + 70 * i}" y="{TOP + 12}">{label}</text>')
     if not known.all():
         out.append(

@@ -60,6 +60,29 @@ def figure_rows(found: Deviations) -> list[dict[str, str]]:
     return rows
 
 
+def elastic_rows(member: ReportedMember) -> list[dict[str, str]]:
+    """Return the elastic sag of own weight, and what is left without it; none where it was not computed."""
+    elastic, free = member.elastic, member.imperfection
+    if elastic is None or free is None:
+        return []
+    band = elastic.share95 * elastic.largest_m
+    note = f"{elastic.said}, {elastic.material.source or 'as stated'}; its band {100 * elastic.share95:g} % of it"
+    label = "elastic sag of own weight, computed: largest offset from the chord"
+    rows = [{"label": label, "text": with_band(elastic.largest_m, band, "mm", 1e3), "place": "", "note": note}]
+    for name, label in (
+        ("bow_m", "bow"),
+        ("sag_m", "sag"),
+        ("sweep_m", "sweep"),
+        ("camber_m", "rise at half the length"),
+    ):
+        figure: Figure = getattr(free, name)
+        if figure.value is not None:
+            text = with_band(figure.value, figure.band, "mm", 1e3)
+            place = _place(name, figure, free)
+            rows.append({"label": f"imperfection: {label} without it", "text": text, "place": place, "note": ""})
+    return rows
+
+
 def _place(name: str, figure: Figure, found: Deviations) -> str:
     if figure.node is None or figure.value is None:
         return ""
@@ -78,6 +101,12 @@ def verdict_row(verdict: Verdict) -> dict[str, str]:
         "clause": verdict.clause,
         "title": verdict.title,
         "value": with_band(verdict.value, verdict.band, unit, factor),
+        "scanned": ""
+        if verdict.elastic_sag_m is None
+        else with_band(verdict.as_scanned, verdict.as_scanned_band, unit, factor),
+        "elastic": ""
+        if verdict.elastic_sag_m is None
+        else f"{1e3 * verdict.elastic_sag_m:.2f} mm; {verdict.elastic_of}",
         "limit": _allowed(verdict, unit, factor),
         "reason": verdict.reason,
         "loading": verdict.loading_state.replace("_", " "),

@@ -1,19 +1,22 @@
-"""Conditions: what only the person knows of a member, loading state and precamber, for all or for each."""
+"""Conditions: what only the person knows of a member: loading state, precamber, supports and material."""
 
 from __future__ import annotations
 
+import math
 import os
 from collections.abc import Mapping
-from dataclasses import dataclass, field, fields
+from dataclasses import dataclass, field, fields, replace
 from pathlib import Path
 from typing import Literal, get_args
 
+from linear_ik.elastic_sag import MATERIALS, SHARE_95, Material, Supports
 from linear_ik.errors import SettingsError, ToleranceError
-from linear_ik.tolerances.profile_file import checked, read_mapping
+from linear_ik.tolerances.profile_file import checked, read_mapping, said
 
 LoadingState = Literal["unloaded", "self_weight", "loaded"]
 MOST_PRECAMBER_M = 1.0
 TOP = ("default", "elements")
+MATERIAL_KEYS = ("elastic_modulus_gpa", "density_kg_m3", "name", "source")
 
 
 @dataclass(frozen=True)
@@ -23,24 +26,48 @@ class Conditions:
     Attributes:
         loading_state: when it was scanned: unloaded, under its own weight only, or loaded; None: not stated.
         precamber_m: specified rise of the middle, where the design is drawn without; None: not stated.
+        supports: how it was held when it was scanned under its own weight; None: not stated.
+        material: what it is made of; None: not stated.
+        sag_share95: half-width of the 95 % band of the elastic sag that these make, as a share of it.
 
     Raises:
-        SettingsError: another state, a precamber that is no length.
+        SettingsError: another state, other supports, a precamber that is no length, no such share.
     """
 
     loading_state: LoadingState | None = None
     precamber_m: float | None = None
+    supports: Supports | None = None
+    material: Material | None = None
+    sag_share95: float = SHARE_95
 
     def __post_init__(self) -> None:
-        """Check both."""
-        state, precamber = self.loading_state, self.precamber_m
-        if state is not None and state not in get_args(LoadingState):
-            raise SettingsError("loading_state", f"{state!r}", "one of " + ", ".join(get_args(LoadingState)))
-        if precamber is None:
-            return
-        number = isinstance(precamber, (int, float)) and not isinstance(precamber, bool)
-        if not number or not abs(precamber) <= MOST_PRECAMBER_M:
-            raise SettingsError("precamber_m", f"{precamber!r}", f"metres, at most {MOST_PRECAMBER_M:g}")
+        """Check all of them."""
+        for name, allowed in (("loading_state", get_args(LoadingState)), ("supports", get_args(Supports))):
+            value = getattr(self, name)
+            if value is not None and value not in allowed:
+                raise SettingsError(name, f"{value!r}", "one of " + ", ".join(allowed))
+        if self.precamber_m is not None and not abs(_number(self.precamber_m)) <= MOST_PRECAMBER_M:
+            raise SettingsError("precamber_m", f"{self.precamber_m!r}", f"metres, at most {MOST_PRECAMBER_M:g}")
+        if self.material is not None and not isinstance(self.material, Material):
+            raise SettingsError("material", f"{self.material!r}", "a Material, such as MATERIALS['steel']")
+        if not 0.0 <= _number(self.sag_share95) <= 1.0:
+            raise SettingsError("sag_share95", f"{self.sag_share95!r}", "a share, 0 to 1")
+
+
+def material_named(name: str) -> Material:
+    """Return a material by its name, or by its figures: ``E_GPA,KG_M3``.
+
+    Raises:
+        SettingsError: neither.
+    """
+    expected = f"one of {', '.join(MATERIALS)}, or E in GPa and kg/m3 with a comma between, such as 11,420"
+    if name in MATERIALS:
+        return MATERIALS[name]
+    try:
+        modulus, density = (float(part) for part in name.split(","))
+        return Material(modulus, density, source="as stated")
+    except (ValueError, SettingsError):
+        raise SettingsError("material", f"{name!r}", expected) from None
 
 
 KEYS = tuple(f.name for f in fields(Conditions))
@@ -89,10 +116,23 @@ def load_conditions(path: str | os.PathLike[str], default: Conditions | None = N
 
 
 def _conditions(name: str, value: object, default: Conditions) -> Conditions:
-    data = checked(name, value, KEYS, ())
+    data = dict(checked(name, value, KEYS, ()))
     try:
-        return Conditions(
-            data.get("loading_state", default.loading_state), data.get("precamber_m", default.precamber_m)
-        )
+        if data.get("material") is not None:
+            data["material"] = _material(f"{name}.material", data["material"])
+        return replace(default, **data)
     except SettingsError as error:
         raise ToleranceError(f"{name}.{error.subject}", error.what, error.expected) from None
+
+
+def _material(name: str, value: object) -> Material:
+    if isinstance(value, str):
+        return material_named(value)
+    data = checked(name, value, MATERIAL_KEYS, MATERIAL_KEYS[:2])
+    texts = {key: said(f"{name}.{key}", data[key]) for key in MATERIAL_KEYS[2:] if key in data}
+    return Material(data["elastic_modulus_gpa"], data["density_kg_m3"], **texts)
+
+
+def _number(value: object) -> float:
+    """Return a number, NaN where it is none."""
+    return float(value) if isinstance(value, (int, float)) and not isinstance(value, bool) else math.nan

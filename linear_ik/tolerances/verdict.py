@@ -5,10 +5,11 @@ within, fail where all of it is outside, else inconclusive. What is not known ma
 inconclusive as well, and the reason says what it is: a fit that may be wrong, a limit that nobody
 verified, a loading state or a precamber that was not stated.
 
-Standards limit imperfections, not elastic deflection. Own weight sags a member that is not vertical
-and does not sweep it where a principal axis of its section is vertical, so under own weight only the
-horizontal part is held against such a limit, and of other sections (an angle, a beam rolled about
-its axis) nothing.
+Standards limit imperfections, not elastic deflection. A member under its own weight is judged without
+the sag that its supports, its section and its material explain, where the person states them
+(`linear_ik.tolerances.unstressed`). Where not, own weight sags a member that is not vertical and does
+not sweep it where a principal axis of its section is vertical: only the horizontal part is held
+against such a limit, and of other sections (an angle, a beam rolled about its axis) nothing.
 """
 
 from __future__ import annotations
@@ -16,22 +17,20 @@ from __future__ import annotations
 import math
 from collections.abc import Iterable
 from dataclasses import asdict, dataclass
-from typing import Any, Literal
+from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from linear_ik.assessment import PLACE_NOT_SHOWN
 from linear_ik.deviation import Deviations, Figure, deviations
+from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
-from linear_ik.section import section_properties
 from linear_ik.tolerances.clause import ANGLES, Clause, Limits, Profile
 from linear_ik.tolerances.conditions import Conditions
 from linear_ik.tolerances.formula import Quantity
+from linear_ik.tolerances.unstressed import imperfection, not_stated, sag_of, sags_straight_down
 
 Outcome = Literal["pass", "fail", "inconclusive", "not_applicable"]
-# Of what own weight bends a member downwards, as much may be sideways: the rounding of a design's axes.
-MOST_SIDEWAYS = 0.01
 FIELDS = {"twist": "twist_rad", "slope": "slope_max_rad", "departure": "departure_max_m"}
 
 
@@ -46,7 +45,8 @@ class Verdict:
         clause: number or name.
         title: what it limits.
         figure: the deviation that was compared.
-        value: of the figure, against the specified shape (with its precamber); None: not known.
+        value: of the figure, against the specified shape (with its precamber); where an elastic sag was
+            computed for a clause that holds unstressed, without it: the imperfection; None: not known.
         band: half-width of its 95 % band.
         lower: least value allowed; None: not known.
         upper: largest value allowed.
@@ -56,6 +56,10 @@ class Verdict:
         precamber_m: as stated; None: not stated, taken as none.
         verified_by: who read the limit in the standard; None: nobody.
         note: the clause's.
+        as_scanned: the figure with the elastic sag in it, where ``value`` is without; else None.
+        as_scanned_band: half-width of its 95 % band.
+        elastic_sag_m: the largest elastic offset from the chord that was taken away; None: none was.
+        elastic_of: for which supports and material.
     """
 
     profile: str
@@ -74,10 +78,18 @@ class Verdict:
     precamber_m: float | None
     verified_by: str | None
     note: str
+    as_scanned: float | None = None
+    as_scanned_band: float | None = None
+    elastic_sag_m: float | None = None
+    elastic_of: str = ""
 
 
 def verdicts(
-    result: FitResult, profile: Profile, conditions: Conditions | None = None, found: Deviations | None = None
+    result: FitResult,
+    profile: Profile,
+    conditions: Conditions | None = None,
+    found: Deviations | None = None,
+    free: Deviations | None = None,
 ) -> tuple[Verdict, ...]:
     """Return the verdict on each clause of a profile.
 
@@ -86,6 +98,7 @@ def verdicts(
         profile: the tolerances.
         conditions: what only the person knows.
         found: the result's deviations with the precamber of the conditions, where the caller has them already.
+        free: those without the elastic sag of the conditions, likewise.
 
     Raises:
         LinearIkError: the member's ends coincide.
@@ -95,7 +108,18 @@ def verdicts(
         found = None
     elif found is None:
         found = deviations(result, precamber_m=known.precamber_m or 0.0)
-    return tuple(_verdict(result, found, profile, clause, known) for clause in profile.clauses)
+    sag = None if found is None else sag_of(result, known)
+    if sag is not None and free is None and any(clause.unloaded for clause in profile.clauses):
+        free = imperfection(result, sag, known)
+    without = None if sag is None or free is None else _Without(sag, free)
+    return tuple(_verdict(result, found, profile, clause, known, without) for clause in profile.clauses)
+
+
+class _Without(NamedTuple):
+    """An elastic sag, and what a member is without it."""
+
+    sag: ElasticSag
+    free: Deviations
 
 
 def overall(judged: Iterable[Verdict]) -> Outcome:
@@ -111,9 +135,17 @@ def verdicts_to_mapping(judged: Iterable[Verdict]) -> list[dict[str, Any]]:
 
 
 def _verdict(
-    result: FitResult, found: Deviations | None, profile: Profile, clause: Clause, known: Conditions
+    result: FitResult,
+    found: Deviations | None,
+    profile: Profile,
+    clause: Clause,
+    known: Conditions,
+    without: _Without | None,
 ) -> Verdict:
-    figure = None if found is None else _figure(found, clause.figure)
+    scanned = figure = None if found is None else _figure(found, clause.figure)
+    sag = without.sag if without is not None and clause.unloaded else None
+    if without is not None and clause.unloaded:
+        figure = _figure(without.free, clause.figure)
     limits: Limits | None = None
     outcome: Outcome = "inconclusive"
     reason = ""
@@ -123,7 +155,7 @@ def _verdict(
         # It was evaluated for another member when it was read: this one has no height, say.
         reason = f"the limit cannot be evaluated for this member: {error.what}"
     if not reason:
-        outcome, reason = _outcome(result, found, figure, clause, limits, known)
+        outcome, reason = _outcome(result, found, figure, clause, limits, known, sag)
     return Verdict(
         profile=profile.name,
         standard=profile.title,
@@ -141,6 +173,10 @@ def _verdict(
         precamber_m=known.precamber_m,
         verified_by=clause.verified_by,
         note=clause.note,
+        as_scanned=None if sag is None or scanned is None else scanned.value,
+        as_scanned_band=None if sag is None or scanned is None else scanned.band,
+        elastic_sag_m=None if sag is None else sag.largest_m,
+        elastic_of="" if sag is None else sag.said,
     )
 
 
@@ -151,6 +187,7 @@ def _outcome(
     clause: Clause,
     limits: Limits | None,
     known: Conditions,
+    sag: ElasticSag | None,
 ) -> tuple[Outcome, str]:
     """Return the outcome and its reason: first whether the clause holds, then what is not known, then the figure."""
     if found is None or figure is None:
@@ -169,17 +206,14 @@ def _outcome(
         return "inconclusive", figure.note or "its band is not known"
     if clause.figure == "camber" and known.precamber_m is None:
         return "inconclusive", "the specified precamber is not stated"
-    if result.status != "converged" and not _only_its_place_is_in_doubt(result):
+    if result.status != "converged" and not result.only_its_place_is_in_doubt:
         return "inconclusive", "; ".join([f"the fit is {result.status.replace('_', ' ')}", *result.reasons[:1]])
+    if sag is not None:
+        outcome, reason = compare(figure.value, figure.band, limits, clause.figure in ANGLES)
+        return outcome, f"without {1e3 * sag.largest_m:.2f} mm of elastic sag ({sag.said}): {reason}"
     if clause.unloaded and known.loading_state != "unloaded":
         return _loaded(result, found, clause, figure, limits, known)
     return compare(figure.value, figure.band, limits, clause.figure in ANGLES)
-
-
-def _only_its_place_is_in_doubt(result: FitResult) -> bool:
-    """Whether all that is doubted is where the member lies along its axis, which the bands carry."""
-    reasons = result.reasons
-    return result.status == "uncertain" and bool(reasons) and all(r.startswith(PLACE_NOT_SHOWN) for r in reasons)
 
 
 def _loaded(
@@ -187,14 +221,17 @@ def _loaded(
 ) -> tuple[Outcome, str]:
     """Return the outcome of a clause that holds for the unstressed member, which this one is not."""
     if known.loading_state is None:
-        return "inconclusive", "holds for the unloaded member: the loading state is not stated"
+        return "inconclusive", (
+            "holds for the unloaded member: the loading state is not stated "
+            "(unloaded, or self_weight with supports and material)"
+        )
     if known.loading_state == "loaded":
         return "inconclusive", "holds for the unloaded member: it was scanned loaded"
     assert figure.value is not None and figure.band is not None
-    if not found.vertical and clause.figure in ("bow", "sweep") and not _sags_straight_down(result):
+    if not found.vertical and clause.figure in ("bow", "sweep") and not sags_straight_down(result):
         return "inconclusive", (
             "holds for the unloaded member: no principal axis of its section is vertical, so own weight bends it "
-            "sideways too, and the scan does not tell how much"
+            f"sideways too; to have that computed, {not_stated(result, known)}"
         )
     if found.vertical or clause.figure == "sweep":
         # Own weight bends neither.
@@ -204,25 +241,9 @@ def _loaded(
         outcome, reason = compare(sideways.value, sideways.band, limits, False)
         if outcome == "fail":
             return outcome, f"its horizontal part alone, which no own weight causes: {reason}"
-    return "inconclusive", "holds for the unloaded member: own weight sags it, and the scan does not tell how much"
-
-
-def _sags_straight_down(result: FitResult) -> bool:
-    """Say whether own weight bends a member downwards only, by its design.
-
-    A load along e bends a section along J^-1 e, J its second moments: along e alone where e is a
-    principal axis.
-    """
-    element = result.element
-    across = element.design.rotations.transpose(0, 2, 1) @ element.placement.T_world_element[2, :3]
-    for profile in (element.profile_at(0.0), element.profile_at(1.0)):
-        p = section_properties(profile)
-        bends = across[:, :2] @ np.linalg.inv(np.array([[p.iyy_m4, p.ixy_m4], [p.ixy_m4, p.ixx_m4]]))
-        down = np.einsum("ki,ki->k", bends, across[:, :2])
-        sideways = bends[:, 0] * across[:, 1] - bends[:, 1] * across[:, 0]
-        if (np.abs(sideways) > MOST_SIDEWAYS * down).any():
-            return False
-    return True
+    return "inconclusive", (
+        f"holds for the unloaded member, and own weight sags it; to have that computed, {not_stated(result, known)}"
+    )
 
 
 def compare(value: float, band: float, limits: Limits, angle: bool) -> tuple[Outcome, str]:

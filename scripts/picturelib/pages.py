@@ -19,6 +19,14 @@ profile: {type: rectangle, x_dim: 0.1, y_dim: 0.2}
 length: 2.0
 segments: 5
 """
+LONG = """
+name: long beam
+profile: IPE300
+length: 12.0
+placement: {location: [0, 0, 3], axis: [1, 0, 0], ref_direction: [0, 1, 0]}
+start: free
+"""
+SAG = ("--bend", "1:x:0.21", "--bend", "4:x:-0.14", "--bend", "6:x:-0.14", "--bend", "8:x:-0.14")
 BENDS = ("--bend", "2:x:-25", "--bend", "4:y:-20")
 
 
@@ -42,13 +50,26 @@ def pages(figures: Path) -> list[Path]:
         element.write_text(ARM, encoding="utf-8")
         run("simulate", element, *BENDS, "--points", 6000, "-o", scan)
         run("fit", element, scan, "-q", "--record", folder / "recording.html", "-o", folder / "result.json")
+        long = own_weight(folder)
         with browser(folder / "profile") as tab:
             return [
                 played(tab, folder / "demo" / "view.html", figures / "view.png", 1.0),
                 played(tab, folder / "recording.html", figures / "recording.png", 0.25),
                 report(tab, folder / "report.html", figures / "report_1280.png", 1280, 1500, "C2"),
                 report(tab, folder / "report.html", figures / "report_390.png", 390, 540),
+                plots(tab, long, figures / "own_weight.png"),
             ]
+
+
+def own_weight(folder: Path) -> Path:
+    """Make the report of the engineer's page of a long beam under its own weight."""
+    element, scan, result = (folder / name for name in ("long.yaml", "long.ply", "long.json"))
+    element.write_text(LONG, encoding="utf-8")
+    run("simulate", element, *SAG, "--points", 12_000, "--noise", 0.0015, "--seed", 3, "-o", scan)
+    run("fit", element, scan, "-q", "-o", result)
+    stated = ("--loading-state", "self_weight", "--supports", "simple", "--material", "steel")
+    run("report", result, "--tolerances", "nsss", *stated, "-q", "-o", folder / "long.html")
+    return folder / "long.html"
 
 
 def run(*arguments: object) -> None:
@@ -77,6 +98,19 @@ def report(tab: Tab, page: Path, picture: Path, width: int, height: int, tag: st
         tab.ask(f"[...document.querySelectorAll('#list a')].find((a) => a.textContent === '{tag}').click()")
     time.sleep(DRAWN_S)
     return small(tab.shot(picture))
+
+
+def plots(tab: Tab, page: Path, picture: Path) -> Path:
+    """Take a picture of the first two plots of a report of one element."""
+    tab.open(page.as_uri() + "#/long", 760, 900)
+    time.sleep(DRAWN_S)
+    top, bottom = tab.ask(
+        "[0, 1].map((i) => document.querySelectorAll('article.open svg.plot')[i].closest('figure')"
+        ".getBoundingClientRect()).map((box, i) => (i ? box.bottom : box.top) + window.scrollY)"
+    )
+    with Image.open(tab.shot(picture, whole=True)) as whole:
+        whole.crop((0, round(top), 760, round(bottom))).save(picture)
+    return small(picture)
 
 
 def small(picture: Path) -> Path:

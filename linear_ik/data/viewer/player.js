@@ -1,7 +1,8 @@
 // What the page knows beside meshcat: a legend that changes while one looks, and a slider through the iterations.
 (() => {
   const caption = document.getElementById("caption"), player = document.getElementById("player");
-  const slider = player.querySelector("input"), button = player.querySelector("button"), label = player.querySelector("output");
+  const slider = player.querySelector("input[type=range]"), button = player.querySelector("button"), label = player.querySelector("output");
+  const asked = player.querySelector("label"), pairs = asked.querySelector("input");
   let labels = [], fps = 12;
   const own = {
     captions(command) {
@@ -15,7 +16,8 @@
       labels = command.labels;
       fps = command.fps;
       slider.max = labels.length - 1;
-      player.hidden = labels.length < 2;
+      player.hidden = labels.length < 2 && !command.pairs;
+      asked.hidden = !command.pairs;
       show(labels.length - 1);
     },
   };
@@ -26,7 +28,18 @@
     slider.value = step;
     label.textContent = labels[step];
     slider.setAttribute("aria-valuetext", labels[step]);
+    showPairs();
   }
+  // Each step has its own lines from scan points to the surface, below pairs/<step>.
+  function showPairs() {
+    if (asked.hidden) return;
+    viewer.scene_tree.find(["meshcat", "pairs"]).object.visible = pairs.checked;
+    labels.forEach((_, i) => {
+      viewer.scene_tree.find(["meshcat", "pairs", String(i)]).object.visible = i === Number(slider.value);
+    });
+    viewer.set_dirty();
+  }
+  pairs.addEventListener("change", showPairs);
   slider.addEventListener("input", () => {
     if (viewer.animator.playing) viewer.animator.pause();
     viewer.animator.seek(Number(slider.value) / fps);
