@@ -13,6 +13,7 @@ from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spr
 from linear_ik.chain import BASE
 from linear_ik.descent import Log, known_terms
 from linear_ik.doubts import (
+    beside_all_along,
     doubts,
     plates_too_thin,
     segments_turned_away,
@@ -98,6 +99,10 @@ def doubted(settled: Settled, settings: FitSettings) -> Iterator[Reason]:
     if off_m.any():
         off = f"{listed(off_m > 0)}: a side lies {1e3 * off_m.max():.1f} mm off the surface"
         yield Reason("side_off", f"{off}: something touches it there, or its section is another")
+    beside = beside_all_along(settled.tally.matched, settled.tally.beside)
+    if beside:
+        there = f"all along the element {beside:.0%} of the points near its surface lie beside it"
+        yield Reason("beside_all_along", f"{there}: another section, or something runs along it")
     step = stepped_aside(pose)
     if step is not None:
         first, last, aside_m = step

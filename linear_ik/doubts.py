@@ -11,6 +11,7 @@ from linear_ik.reason import Reason
 from linear_ik.surface import Surface
 
 Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
 ONE_SIDE = 0.95  # share of the points
@@ -21,6 +22,7 @@ ON_SURFACE = 4.0  # deviations
 LEAST_STEP_RAD, STEP_REACH = np.radians(10.0), 5  # joints
 THIN, THIN_SHARE = 4.0, 1 / 3  # deviations; share of the points
 SIDE_OFF_SCORE, SIDE_OFF, LEAST_SIDE_OFF_M = 4.0, 1.5, 0.002
+MOST_BESIDE = 0.08
 MOST_TURNED_AWAY, LEAST_TURNED_AWAY = 0.2, 20  # of a segment's points
 
 
@@ -117,6 +119,20 @@ def sides_off(scores: Array, off_m: Array, noise_m: float) -> Array:
     """
     off_m = np.where(np.abs(scores) > SIDE_OFF_SCORE, np.abs(off_m), 0.0).max(axis=(1, 2))
     return np.where(off_m > max(SIDE_OFF * noise_m, LEAST_SIDE_OFF_M), off_m, 0.0)
+
+
+def beside_all_along(matched: Index, beside: Index) -> float:
+    """Return the share of the points near the surface that lie beside it, of the median segment, where that is a doubt.
+
+    What stands near an element stands near some segments of it; mixed pixels and noise leave a hundredth of the points
+    beside the surface. A plate that goes on past its tip is another section, all along. Else 0.
+
+    Args:
+        matched: [N] points on each segment's surface.
+        beside: [N] points near it that are not.
+    """
+    share = np.median(beside / np.maximum(matched + beside, 1))
+    return float(share) if share > MOST_BESIDE else 0.0
 
 
 def stepped_aside(pose: Pose) -> tuple[int, int, float] | None:

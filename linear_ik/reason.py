@@ -29,6 +29,7 @@ ReasonCode = Literal[
     "parallel_surface",
     "turned_away",
     "side_off",
+    "beside_all_along",
     "stepped_aside",
     "thin_plates",
     "foreign_points",

@@ -8,7 +8,7 @@ import pytest
 import linear_ik
 from linear_ik import Chain, Element, IShape, Rectangle, Scan, TShape, scan_virtually
 from linear_ik.bending import bend_element
-from linear_ik.doubts import stepped_aside
+from linear_ik.doubts import beside_all_along, stepped_aside
 
 BEAM = Element("beam", Rectangle(0.1, 0.3), 3.0, 10)
 
@@ -65,3 +65,20 @@ def test_a_thin_plate_is_wrong_or_doubted():
         result = linear_ik.fit(element, Scan(scan.points))
         error_m = np.linalg.norm(result.nodes_m - scan.nodes_m, axis=1).max()
         assert error_m < 0.0015 or result.status != "converged"
+
+
+@pytest.mark.parametrize(
+    ("beside", "share"),
+    [
+        ([10, 10, 10, 10], 0.0),  # noise and mixed pixels
+        ([10, 900, 10, 10], 0.0),  # a bracket at one segment
+        ([150, 150, 150, 0], pytest.approx(150 / 1150)),
+        ([0, 0, 0, 0], 0.0),
+    ],
+)
+def test_points_beside_a_surface_are_a_doubt_where_they_run_all_along_it(beside, share):
+    assert beside_all_along(np.full(4, 1000), np.array(beside)) == share
+
+
+def test_an_unseen_element_has_nothing_beside_it():
+    assert beside_all_along(np.zeros(4, dtype=int), np.zeros(4, dtype=int)) == 0.0
