@@ -20,6 +20,8 @@ from linear_ik.doubts import (
 )
 from linear_ik.problem import Problem
 from linear_ik.result import FitResult, SegmentResult, in_doubt
+from linear_ik.scan import Scan
+from linear_ik.seen_through import seen_through
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
@@ -32,8 +34,8 @@ Mask = npt.NDArray[np.bool_]
 SLID_M = 0.006
 
 
-def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
-    """Return the result of a settled fit, and the verdict on it."""
+def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+    """Return the result of a settled fit, and the verdict on it; all of the scan's points say what is empty."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     points, whole = settled.tally.objective, settled.objective
     S, node_covariance = covariance(problem, pose, whole, noise_m)
@@ -79,6 +81,12 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
         reasons += (
             f"{listed(off_m > 0)}: a side lies {1e3 * off_m.max():.1f} mm off the surface: "
             "something touches it there, or its section is another",
+        )
+    through = seen_through(problem, scan, pose, noise_m, settings.seed)
+    if through.any():
+        status = in_doubt(status)
+        reasons += (
+            f"{listed(through)}: the scanner saw through where {'it' if through.sum() == 1 else 'they'} would be",
         )
     step = stepped_aside(pose)
     if step is not None:

@@ -112,7 +112,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     if settings.method == "icpik":
         found = icpik(problem, settings, solver, log)
         clock.lap("icpik")
-        return conclude(measured(problem, found, settings), settings, log, clock)
+        return conclude(measured(problem, found, settings), scan, settings, log, clock)
 
     few = sample(problem, problem.chain.pose(problem.designed), COARSE_POINTS_A_SEGMENT * n, rng)
     found, sure = plain(problem, few, settings, solver, log)
@@ -127,7 +127,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     some = sample(problem, found.pose, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log)
     clock.lap("settle")
-    result = conclude(settled, settings, log, clock)
+    result = conclude(settled, scan, settings, log, clock)
     result = replace(result, reasons=(*result.reasons, *removed))
     if problem.matcher.sights is not None and contradicted(settled):
         # Files name stations that are none: the file's own origin, say.

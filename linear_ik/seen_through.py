@@ -1,0 +1,172 @@
+"""Seen through: segments that stand where the scanner looked through to something behind.
+
+Every point says that the way from its station to it is empty. A fitted segment in that
+way is not where the fit says. Points anywhere behind the element tell, not only those
+near it; without stations nothing is known, and nothing computed.
+"""
+
+from __future__ import annotations
+
+from dataclasses import dataclass
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.chain import Pose
+from linear_ik.problem import Problem
+from linear_ik.scan import Scan
+
+Array = npt.NDArray[np.float64]
+Count = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+MOST_RAYS = 30_000
+POINTS_A_PASS = 400_000
+MARGIN = 4.0  # deviations of the noise
+BEAM_M, BEAM_RAD = 0.002, 0.00015  # radius of a laser's beam at the station, and how it widens
+AROUND = 6  # rays beside each one, as far away as the margin
+LEAST_RAYS, LEAST_SHARE = 12, 0.1  # of the rays that meet a segment, to contradict it
+
+
+@dataclass(frozen=True, eq=False)
+class Crossings:
+    """Rays that meet a fitted body, by the segment that they meet first.
+
+    Attributes:
+        met: [N] rays whose way to their point, or what is just behind it, leads into the segment.
+        through: [N] those of them that enter and leave the body well before their point.
+    """
+
+    met: Count
+    through: Count
+
+    @property
+    def contradicted(self) -> Mask:
+        """[N] segments that cannot be where they are."""
+        return np.asarray((self.through >= LEAST_RAYS) & (self.through > LEAST_SHARE * self.met))
+
+
+def seen_through(problem: Problem, scan: Scan, pose: Pose, noise_m: float, seed: int) -> Mask:
+    """Return the segments [N] of a fitted chain that the scanner saw through.
+
+    Args:
+        problem: for the section as it measures, and the element's frame.
+        scan: all points, the scan's coordinates.
+        pose: of the fitted chain, element's frame.
+        noise_m: standard deviation of a point about the surface.
+        seed: of the choice of points.
+    """
+    if scan.stations is None or scan.station_index is None:
+        return np.zeros(pose.n_segments, dtype=bool)
+    stations, points = rays_near(scan, problem, pose, seed)
+    return crossings(problem, pose, stations, points, noise_m).contradicted
+
+
+def rays_near(scan: Scan, problem: Problem, pose: Pose, seed: int) -> tuple[Array, Array]:
+    """Return stations and points [R][3], element's frame, of rays that may meet the chain.
+
+    These are at most 30,000, each a random choice of the scan's points that lie behind the
+    sphere about the chain, or in it, as their station sees it. The scan is gone through in
+    passes over every n-th point, until there are enough of them.
+    """
+    assert scan.stations is not None and scan.station_index is not None
+    T = problem.element.placement.T_world_element
+    centre = 0.5 * (pose.nodes_m.min(axis=0) + pose.nodes_m.max(axis=0))
+    radius_m = float(np.linalg.norm(pose.nodes_m - centre, axis=1).max()) + problem.surface.reach_m
+    stations = (scan.stations - T[:3, 3]) @ T[:3, :3]
+    towards = centre - stations
+    away_m = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
+    towards /= away_m[:, None]
+    # From inside the sphere every direction leads through it.
+    cosine = np.where(away_m > radius_m, np.sqrt(np.maximum(1.0 - (radius_m / away_m) ** 2, 0.0)), -1.0)
+    rng = np.random.default_rng(seed)
+    step = -(-len(scan.points) // POINTS_A_PASS)
+    kept_stations, kept, count = [np.empty((0, 3))], [np.empty((0, 3))], 0
+    for start in rng.permutation(step):
+        index = scan.station_index[start::step]
+        local = (scan.points[start::step] - T[:3, 3]) @ T[:3, :3]
+        way = local - stations[index]
+        range_m = np.sqrt(np.einsum("ij,ij->i", way, way))
+        ahead_m = np.einsum("ij,ij->i", way, towards[index])
+        # Points before the sphere say nothing of what is in it.
+        rows = np.flatnonzero((ahead_m >= cosine[index] * range_m) & (range_m > away_m[index] - radius_m))
+        kept.append(local[rows])
+        kept_stations.append(stations[index[rows]])
+        count += len(rows)
+        if count >= MOST_RAYS:
+            break
+    points, seen_from = np.concatenate(kept), np.concatenate(kept_stations)
+    if count > MOST_RAYS:
+        some = rng.choice(count, MOST_RAYS, replace=False)
+        points, seen_from = points[some], seen_from[some]
+    return seen_from, points
+
+
+def crossings(problem: Problem, pose: Pose, stations: Array, points: Array, noise_m: float) -> Crossings:
+    """Count the rays that meet the body of each segment, and those that pass through it.
+
+    A ray passes through only where the rays around it do as well, as far away as 4 deviations
+    and the radius of the beam: a ray that grazes an edge tells nothing, and mixed pixels lie
+    behind edges. So much before the point, too, they must have left the body.
+
+    Args:
+        problem: for the section.
+        pose: of the chain, element's frame.
+        stations: [R][3] where the rays begin.
+        points: [R][3] where they end.
+        noise_m: standard deviation of a point about the surface.
+    """
+    way = points - stations
+    range_m = np.linalg.norm(way, axis=1)
+    ahead = way / np.maximum(range_m, 1e-9)[:, None]
+    margin_m = MARGIN * noise_m + BEAM_M + BEAM_RAD * range_m
+    body = _Body(problem, pose)
+    hit_m, segment, faces_ray = body.first_hit(stations, ahead)
+    met = faces_ray & (hit_m < range_m + margin_m)
+    rows = np.flatnonzero(met & (hit_m < range_m - margin_m))
+    for turn in (None, *np.arange(AROUND) * (2 * np.pi / AROUND)):
+        margin, u = margin_m[rows, None], ahead[rows]
+        start = points[rows] - margin * u
+        if turn is not None:
+            start += margin * _beside(u, float(turn))
+        # Looking back from there, the next face must be one where a ray leaves the body.
+        left_m, _, faces_point = body.first_hit(start, -u)
+        rows = rows[faces_point & (left_m < range_m[rows])]
+    n = pose.n_segments
+    return Crossings(np.bincount(segment[met], minlength=n), np.bincount(segment[rows], minlength=n))
+
+
+class _Body:
+    """The outer faces of a posed chain, ready for rays."""
+
+    def __init__(self, problem: Problem, pose: Pose) -> None:
+        import open3d as o3d
+
+        meshes, triangles = problem.surface.segment_meshes(problem.chain.segment_length_m)
+        n, corners = meshes.shape[:2]
+        vertices = meshes @ pose.rotations.transpose(0, 2, 1) + pose.nodes_m[:n, None]
+        each = np.arange(0, n * corners, corners, dtype=np.uint32)
+        self._tensor, self._each = o3d.core.Tensor, len(triangles)
+        self._scene = o3d.t.geometry.RaycastingScene(nthreads=0)
+        self._scene.add_triangles(
+            self._tensor(vertices.reshape(-1, 3).astype(np.float32)),
+            self._tensor((triangles + each[:, None, None]).reshape(-1, 3)),
+        )
+
+    def first_hit(self, start: Array, ahead: Array) -> tuple[Array, Count, Mask]:
+        """Return how far rays [R] get, in which segment (from 0), and whether the face there looks towards the start.
+
+        Rays that meet nothing get infinitely far, and face nothing.
+        """
+        hit = self._scene.cast_rays(self._tensor(np.hstack([start, ahead]).astype(np.float32)))
+        far_m = hit["t_hit"].numpy().astype(np.float64)
+        faces = np.isfinite(far_m) & (np.einsum("ij,ij->i", hit["primitive_normals"].numpy(), ahead) < 0)
+        segment = np.where(faces, hit["primitive_ids"].numpy() // np.uint32(self._each), 0)
+        return far_m, segment.astype(np.intp), faces
+
+
+def _beside(ahead: Array, turn_rad: float) -> Array:
+    """Return unit vectors [R][3] across rays [R][3], turned about them."""
+    first = np.cross(ahead, np.eye(3)[np.abs(ahead).argmin(axis=1)])
+    first /= np.linalg.norm(first, axis=1, keepdims=True)
+    return np.asarray(np.cos(turn_rad) * first + np.sin(turn_rad) * np.cross(ahead, first))
