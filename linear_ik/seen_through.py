@@ -7,7 +7,7 @@ near it; without stations nothing is known, and nothing computed.
 
 from __future__ import annotations
 
-from dataclasses import dataclass
+from dataclasses import dataclass, replace
 
 import numpy as np
 import numpy.typing as npt
@@ -21,11 +21,13 @@ Count = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
 MOST_RAYS = 30_000
-POINTS_A_PASS = 400_000
+POINTS_A_PASS = 65_536  # what a core keeps in its cache
 MARGIN = 4.0  # deviations of the noise
 BEAM_M, BEAM_RAD = 0.002, 0.00015  # radius of a laser's beam at the station, and how it widens
 AROUND = 6  # rays beside each one, as far away as the margin
 LEAST_RAYS, LEAST_SHARE = 12, 0.1  # of the rays that meet a segment, to contradict it
+COMPANY, OF_NEAREST = 3, 6  # rays next to one that end on the same surface
+STEEPEST = 4.0  # slope of that surface against the rays
 
 
 @dataclass(frozen=True, eq=False)
@@ -71,43 +73,42 @@ def rays_near(scan: Scan, problem: Problem, pose: Pose, seed: int) -> tuple[Arra
     """
     assert scan.stations is not None and scan.station_index is not None
     T = problem.element.placement.T_world_element
-    centre = 0.5 * (pose.nodes_m.min(axis=0) + pose.nodes_m.max(axis=0))
-    radius_m = float(np.linalg.norm(pose.nodes_m - centre, axis=1).max()) + problem.surface.reach_m
-    stations = (scan.stations - T[:3, 3]) @ T[:3, :3]
-    towards = centre - stations
+    middle = 0.5 * (pose.nodes_m.min(axis=0) + pose.nodes_m.max(axis=0))
+    radius_m = float(np.linalg.norm(pose.nodes_m - middle, axis=1).max()) + problem.surface.reach_m
+    towards = T[:3, :3] @ middle + T[:3, 3] - scan.stations
     away_m = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     towards /= away_m[:, None]
     # From inside the sphere every direction leads through it.
     cosine = np.where(away_m > radius_m, np.sqrt(np.maximum(1.0 - (radius_m / away_m) ** 2, 0.0)), -1.0)
     rng = np.random.default_rng(seed)
-    step = -(-len(scan.points) // POINTS_A_PASS)
-    kept_stations, kept, count = [np.empty((0, 3))], [np.empty((0, 3))], 0
+    step = -(-len(scan) // POINTS_A_PASS)
+    rows, count = [np.empty(0, dtype=np.intp)], 0
     for start in rng.permutation(step):
-        index = scan.station_index[start::step]
-        local = (scan.points[start::step] - T[:3, 3]) @ T[:3, :3]
-        way = local - stations[index]
-        range_m = np.sqrt(np.einsum("ij,ij->i", way, way))
-        ahead_m = np.einsum("ij,ij->i", way, towards[index])
+        seen_from = scan.station_index[start::step] if len(scan.stations) > 1 else 0
+        x, y, z = (scan.points[start::step, i] - scan.stations[seen_from, i] for i in range(3))
+        ahead_m = x * towards[seen_from, 0] + y * towards[seen_from, 1] + z * towards[seen_from, 2]
+        squared = x * x + y * y + z * z
         # Points before the sphere say nothing of what is in it.
-        rows = np.flatnonzero((ahead_m >= cosine[index] * range_m) & (range_m > away_m[index] - radius_m))
-        kept.append(local[rows])
-        kept_stations.append(stations[index[rows]])
-        count += len(rows)
+        behind = squared > (np.maximum(away_m - radius_m, 0.0) ** 2)[seen_from]
+        found = np.flatnonzero(behind & (ahead_m >= cosine[seen_from] * np.sqrt(squared)))
+        rows.append(start + step * found)
+        count += len(found)
         if count >= MOST_RAYS:
             break
-    points, seen_from = np.concatenate(kept), np.concatenate(kept_stations)
+    chosen = np.concatenate(rows)
     if count > MOST_RAYS:
-        some = rng.choice(count, MOST_RAYS, replace=False)
-        points, seen_from = points[some], seen_from[some]
-    return seen_from, points
+        chosen = rng.choice(chosen, MOST_RAYS, replace=False)
+    stations = scan.stations[scan.station_index[chosen]]
+    return (stations - T[:3, 3]) @ T[:3, :3], (scan.points[chosen] - T[:3, 3]) @ T[:3, :3]
 
 
 def crossings(problem: Problem, pose: Pose, stations: Array, points: Array, noise_m: float) -> Crossings:
     """Count the rays that meet the body of each segment, and those that pass through it.
 
     A ray passes through only where the rays around it do as well, as far away as 4 deviations
-    and the radius of the beam: a ray that grazes an edge tells nothing, and mixed pixels lie
-    behind edges. So much before the point, too, they must have left the body.
+    and the radius of the beam: a ray that grazes an edge tells nothing. So much before the point,
+    too, they must have left the body. Mixed pixels, which lie between an edge and what is behind
+    it, are told by their neighbours where it would matter: these lie on either.
 
     Args:
         problem: for the section.
@@ -133,7 +134,33 @@ def crossings(problem: Problem, pose: Pose, stations: Array, points: Array, nois
         left_m, _, faces_point = body.first_hit(start, -u)
         rows = rows[faces_point & (left_m < range_m[rows])]
     n = pose.n_segments
-    return Crossings(np.bincount(segment[met], minlength=n), np.bincount(segment[rows], minlength=n))
+    found = Crossings(np.bincount(segment[met], minlength=n), np.bincount(segment[rows], minlength=n))
+    if not found.contradicted.any():
+        return found
+    rows = rows[in_company(stations, ahead, range_m, rows)]
+    return replace(found, through=np.bincount(segment[rows], minlength=n))
+
+
+def in_company(stations: Array, ahead: Array, range_m: Array, rows: Count) -> Mask:
+    """Return which of the rays in ``rows`` end on a surface, as half of the rays next to them do.
+
+    Args:
+        stations: [R][3] where the rays begin.
+        ahead: [R][3] unit vectors.
+        range_m: [R] where they end.
+        rows: [K] of the rays that are asked for.
+    """
+    from scipy.spatial import cKDTree
+
+    _, seen_from = np.unique(stations, axis=0, return_inverse=True)
+    # Rays of other stations are no neighbours: farther than any direction.
+    key = np.column_stack([ahead, 10.0 * seen_from.reshape(-1)])
+    apart, beside = cKDTree(key, balanced_tree=False, compact_nodes=False).query(key[rows], OF_NEAREST + 1)
+    known = np.isfinite(apart[:, 1:])
+    other_m = range_m[np.where(known, beside[:, 1:], 0)]
+    own_m = range_m[rows, None]
+    near = known & (np.abs(other_m - own_m) < STEEPEST * apart[:, 1:] * own_m)
+    return np.asarray(near.sum(axis=1) >= COMPANY)
 
 
 class _Body:
