@@ -16,6 +16,8 @@ from linear_ik.doubts import (
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
+from linear_ik.scan import Scan
+from linear_ik.seen_through import rays_near
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE
 from linear_ik.side_noise import MAD_TO_SD
@@ -105,14 +107,21 @@ def seen_around(problem: Problem, found: Descended) -> bool:
 
 
 def searched(
-    problem: Problem, found: Descended, settings: FitSettings, solver: Solver, log: Log, rng: np.random.Generator
+    problem: Problem,
+    scan: Scan,
+    found: Descended,
+    settings: FitSettings,
+    solver: Solver,
+    log: Log,
+    rng: np.random.Generator,
 ) -> Descended:
     """Search from the base outwards, and keep the better of its outcome and the plain one."""
     area = problem.surface.perimeter_m * problem.element.segment_length_m
     cloud = thinned(problem.points, float(np.sqrt(area / SEARCH_POINTS_A_SEGMENT)), settings.seed)
     noise_m = settings.range_noise_m or point_noise(cloud, problem.points, rng)
-    startup = Startup(problem, cloud, noise_m, settings, solver, log)
-    starts = [startup.run(), startup.finish(found.x)]
-    best = max(starts, key=startup.score)
+    nodes_m = problem.chain.pose(problem.designed).nodes_m
+    rays = None if scan.stations is None else rays_near(scan, problem, nodes_m, settings.seed)
+    startup = Startup(problem, cloud, noise_m, settings, solver, log, rays)
+    best = startup.better([startup.run(), startup.finish(found.x)])
     cloud = startup.around(best)
     return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)

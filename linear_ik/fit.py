@@ -118,7 +118,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     found, sure = plain(problem, few, settings, solver, log)
     clock.lap("coarse")
     if settings.search == "always" or (settings.search == "auto" and not sure):
-        found = searched(problem, found, settings, solver, log, rng)
+        found = searched(problem, scan, found, settings, solver, log, rng)
         problem = problem.seeing(nearby(problem, found.pose, NEAR_M))
         clock.lap("search")
         if len(problem.points) < LEAST_POINTS:

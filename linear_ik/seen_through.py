@@ -8,6 +8,7 @@ near it; without stations nothing is known, and nothing computed.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import cached_property
 
 import numpy as np
 import numpy.typing as npt
@@ -60,12 +61,35 @@ def seen_through(problem: Problem, scan: Scan, pose: Pose, noise_m: float, seed:
     """
     if scan.stations is None or scan.station_index is None:
         return np.zeros(pose.n_segments, dtype=bool)
-    stations, points = rays_near(scan, problem, pose, seed)
-    return crossings(problem, pose, stations, points, noise_m).contradicted
+    rays = rays_near(scan, problem, pose.nodes_m, seed)
+    return crossings(problem, pose, rays, noise_m).contradicted
 
 
-def rays_near(scan: Scan, problem: Problem, pose: Pose, seed: int) -> tuple[Array, Array]:
-    """Return stations and points [R][3], element's frame, of rays that may meet the chain.
+@dataclass(frozen=True, eq=False)
+class Rays:
+    """Ways that are empty, element's frame.
+
+    Attributes:
+        stations: [R][3] where each begins.
+        points: [R][3] where it ends.
+    """
+
+    stations: Array
+    points: Array
+
+    @cached_property
+    def range_m(self) -> Array:
+        """[R] length."""
+        return np.asarray(np.linalg.norm(self.points - self.stations, axis=1))
+
+    @cached_property
+    def ahead(self) -> Array:
+        """[R][3] unit vectors."""
+        return np.asarray((self.points - self.stations) / np.maximum(self.range_m, 1e-9)[:, None])
+
+
+def rays_near(scan: Scan, problem: Problem, nodes_m: Array, seed: int) -> Rays:
+    """Return rays that may meet a chain with nodes [N+1][3], element's frame.
 
     These are at most 30,000, each a random choice of the scan's points that lie behind the
     sphere about the chain, or in it, as their station sees it. The scan is gone through in
@@ -73,8 +97,8 @@ def rays_near(scan: Scan, problem: Problem, pose: Pose, seed: int) -> tuple[Arra
     """
     assert scan.stations is not None and scan.station_index is not None
     T = problem.element.placement.T_world_element
-    middle = 0.5 * (pose.nodes_m.min(axis=0) + pose.nodes_m.max(axis=0))
-    radius_m = float(np.linalg.norm(pose.nodes_m - middle, axis=1).max()) + problem.surface.reach_m
+    middle = 0.5 * (nodes_m.min(axis=0) + nodes_m.max(axis=0))
+    radius_m = float(np.linalg.norm(nodes_m - middle, axis=1).max()) + problem.surface.reach_m
     towards = T[:3, :3] @ middle + T[:3, 3] - scan.stations
     away_m = np.maximum(np.linalg.norm(towards, axis=1), 1e-9)
     towards /= away_m[:, None]
@@ -99,10 +123,10 @@ def rays_near(scan: Scan, problem: Problem, pose: Pose, seed: int) -> tuple[Arra
     if count > MOST_RAYS:
         chosen = rng.choice(chosen, MOST_RAYS, replace=False)
     stations = scan.stations[scan.station_index[chosen]]
-    return (stations - T[:3, 3]) @ T[:3, :3], (scan.points[chosen] - T[:3, 3]) @ T[:3, :3]
+    return Rays((stations - T[:3, 3]) @ T[:3, :3], (scan.points[chosen] - T[:3, 3]) @ T[:3, :3])
 
 
-def crossings(problem: Problem, pose: Pose, stations: Array, points: Array, noise_m: float) -> Crossings:
+def crossings(problem: Problem, pose: Pose, rays: Rays, noise_m: float, grown: int | None = None) -> Crossings:
     """Count the rays that meet the body of each segment, and those that pass through it.
 
     A ray passes through only where the rays around it do as well, as far away as 4 deviations
@@ -113,21 +137,19 @@ def crossings(problem: Problem, pose: Pose, stations: Array, points: Array, nois
     Args:
         problem: for the section.
         pose: of the chain, element's frame.
-        stations: [R][3] where the rays begin.
-        points: [R][3] where they end.
+        rays: past it and through it.
         noise_m: standard deviation of a point about the surface.
+        grown: how many segments there are so far; all, unless given.
     """
-    way = points - stations
-    range_m = np.linalg.norm(way, axis=1)
-    ahead = way / np.maximum(range_m, 1e-9)[:, None]
+    range_m, ahead = rays.range_m, rays.ahead
     margin_m = MARGIN * noise_m + BEAM_M + BEAM_RAD * range_m
-    body = _Body(problem, pose)
-    hit_m, segment, faces_ray = body.first_hit(stations, ahead)
+    body = _Body(problem, pose, grown)
+    hit_m, segment, faces_ray = body.first_hit(rays.stations, ahead)
     met = faces_ray & (hit_m < range_m + margin_m)
     rows = np.flatnonzero(met & (hit_m < range_m - margin_m))
     for turn in (None, *np.arange(AROUND) * (2 * np.pi / AROUND)):
         margin, u = margin_m[rows, None], ahead[rows]
-        start = points[rows] - margin * u
+        start = rays.points[rows] - margin * u
         if turn is not None:
             start += margin * _beside(u, float(turn))
         # Looking back from there, the next face must be one where a ray leaves the body.
@@ -137,28 +159,21 @@ def crossings(problem: Problem, pose: Pose, stations: Array, points: Array, nois
     found = Crossings(np.bincount(segment[met], minlength=n), np.bincount(segment[rows], minlength=n))
     if not found.contradicted.any():
         return found
-    rows = rows[in_company(stations, ahead, range_m, rows)]
+    rows = rows[in_company(rays, rows)]
     return replace(found, through=np.bincount(segment[rows], minlength=n))
 
 
-def in_company(stations: Array, ahead: Array, range_m: Array, rows: Count) -> Mask:
-    """Return which of the rays in ``rows`` end on a surface, as half of the rays next to them do.
-
-    Args:
-        stations: [R][3] where the rays begin.
-        ahead: [R][3] unit vectors.
-        range_m: [R] where they end.
-        rows: [K] of the rays that are asked for.
-    """
+def in_company(rays: Rays, rows: Count) -> Mask:
+    """Return which of the rays in ``rows`` [K] end on a surface, as half of the rays next to them do."""
     from scipy.spatial import cKDTree
 
-    _, seen_from = np.unique(stations, axis=0, return_inverse=True)
+    _, seen_from = np.unique(rays.stations, axis=0, return_inverse=True)
     # Rays of other stations are no neighbours: farther than any direction.
-    key = np.column_stack([ahead, 10.0 * seen_from.reshape(-1)])
+    key = np.column_stack([rays.ahead, 10.0 * seen_from.reshape(-1)])
     apart, beside = cKDTree(key, balanced_tree=False, compact_nodes=False).query(key[rows], OF_NEAREST + 1)
     known = np.isfinite(apart[:, 1:])
-    other_m = range_m[np.where(known, beside[:, 1:], 0)]
-    own_m = range_m[rows, None]
+    other_m = rays.range_m[np.where(known, beside[:, 1:], 0)]
+    own_m = rays.range_m[rows, None]
     near = known & (np.abs(other_m - own_m) < STEEPEST * apart[:, 1:] * own_m)
     return np.asarray(near.sum(axis=1) >= COMPANY)
 
@@ -166,12 +181,13 @@ def in_company(stations: Array, ahead: Array, range_m: Array, rows: Count) -> Ma
 class _Body:
     """The outer faces of a posed chain, ready for rays."""
 
-    def __init__(self, problem: Problem, pose: Pose) -> None:
+    def __init__(self, problem: Problem, pose: Pose, grown: int | None) -> None:
         import open3d as o3d
 
         meshes, triangles = problem.surface.segment_meshes(problem.chain.segment_length_m)
+        meshes = meshes[:grown]
         n, corners = meshes.shape[:2]
-        vertices = meshes @ pose.rotations.transpose(0, 2, 1) + pose.nodes_m[:n, None]
+        vertices = meshes @ pose.rotations[:n].transpose(0, 2, 1) + pose.nodes_m[:n, None]
         each = np.arange(0, n * corners, corners, dtype=np.uint32)
         self._tensor, self._each = o3d.core.Tensor, len(triangles)
         self._scene = o3d.t.geometry.RaycastingScene(nthreads=0)

@@ -13,7 +13,7 @@ from linear_ik import Circle, Element, Placement, Rectangle, RectangleHollow, Sc
 from linear_ik.chain import Pose
 from linear_ik.problem import Problem
 from linear_ik.scene import neighbour, wall
-from linear_ik.seen_through import BEAM_M, MARGIN, MOST_RAYS, Crossings, crossings, rays_near, seen_through
+from linear_ik.seen_through import BEAM_M, MARGIN, MOST_RAYS, Crossings, Rays, crossings, rays_near, seen_through
 
 NOISE_M = 0.0015
 STATIONS = np.array([[4.0, 1.0, 1.6], [3.0, -2.5, 1.7]])
@@ -37,7 +37,7 @@ def posed(element: Element, scan: SimulatedScan, shift_m: object = (0.0, 0.0, 0.
 
 def counted(element: Element, scan: SimulatedScan, shift_m: object = (0.0, 0.0, 0.0)) -> Crossings:
     problem, pose = posed(element, scan, shift_m)
-    return crossings(problem, pose, *rays_near(scan, problem, pose, 0), NOISE_M)
+    return crossings(problem, pose, rays_near(scan, problem, pose.nodes_m, 0), NOISE_M)
 
 
 @pytest.mark.parametrize("count", [1, 2])
@@ -115,13 +115,13 @@ def test_grazing_rays_do_not_count() -> None:
     margin_m = MARGIN * NOISE_M + BEAM_M
     for k in (-1.0, 0.0):
         stations[:, 0] = 9.0 + k
-        found = crossings(problem, pose, stations, points, NOISE_M)
+        found = crossings(problem, pose, Rays(stations, points), NOISE_M)
         inside = np.abs(y) < 0.05
         assert found.met.sum() == inside.sum()
         clear = np.abs(y) < 0.05 - margin_m
         assert 0.9 * clear.sum() < found.through.sum() <= clear.sum()
     edge = (np.abs(y) > 0.05 - margin_m) & inside
-    assert not crossings(problem, pose, stations[edge], points[edge], NOISE_M).through.any()
+    assert not crossings(problem, pose, Rays(stations[edge], points[edge]), NOISE_M).through.any()
 
 
 def test_a_point_just_behind_the_body_does_not_count() -> None:
@@ -131,7 +131,7 @@ def test_a_point_just_behind_the_body_does_not_count() -> None:
     margin_m = MARGIN * NOISE_M + BEAM_M
     for behind_m, share in ((0.5 * margin_m, 0.0), (2.0 * margin_m, 1.0)):
         points = np.column_stack([np.full(60, -0.05 - behind_m), np.zeros(60), z])
-        found = crossings(problem, pose, points + [5.0, 0.0, 0.0], points, NOISE_M)
+        found = crossings(problem, pose, Rays(points + [5.0, 0.0, 0.0], points), NOISE_M)
         assert found.met.sum() == 60
         assert found.through.sum() == share * 60
 
@@ -152,20 +152,22 @@ def test_rays_are_few_chosen_by_the_seed_and_lead_to_the_element(monkeypatch: py
     )
     problem = Problem.of(element, scan)
     pose = problem.chain.pose(problem.designed)
-    stations, points = rays_near(scan, problem, pose, 0)
+    nodes_m = pose.nodes_m
+    rays = rays_near(scan, problem, nodes_m, 0)
+    stations, points = rays.stations, rays.points
     assert len(points) == MOST_RAYS < len(scan)
     # Element's frame, and each point with its own station.
     assert np.abs(np.concatenate([stations, points])).max() < 10.0
     for station in STATIONS:
         assert (np.abs(stations - station) < 1e-6).all(axis=1).sum() > 0.2 * len(stations)
-    np.testing.assert_array_equal(rays_near(scan, problem, pose, 0)[1], points)
-    assert not np.array_equal(rays_near(scan, problem, pose, 1)[1], points)
+    np.testing.assert_array_equal(rays_near(scan, problem, nodes_m, 0).points, points)
+    assert not np.array_equal(rays_near(scan, problem, nodes_m, 1).points, points)
     # In many passes too; and what lies before the element tells nothing.
     monkeypatch.setattr("linear_ik.seen_through.POINTS_A_PASS", 1000)
     monkeypatch.setattr("linear_ik.seen_through.MOST_RAYS", 200)
-    assert len(rays_near(scan, problem, pose, 0)[1]) == 200
+    assert len(rays_near(scan, problem, nodes_m, 0).points) == 200
     near = Scan(scan.stations[0] + [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], None, scan.stations, np.zeros(2, dtype=int))
-    assert len(rays_near(near, problem, pose, 0)[1]) == 0
+    assert len(rays_near(near, problem, nodes_m, 0).points) == 0
 
 
 # in a fit --------------------------------------------------------------------------------
