@@ -17,7 +17,7 @@ from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
 from linear_ik.scan import Scan
-from linear_ik.seen_through import rays_near
+from linear_ik.seen_through import refuter
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE
 from linear_ik.side_noise import MAD_TO_SD
@@ -115,13 +115,14 @@ def searched(
     log: Log,
     rng: np.random.Generator,
 ) -> Descended:
-    """Search from the base outwards, and keep the better of its outcome and the plain one."""
+    """Search from the base outwards, and keep the better of its outcome and the plain one.
+
+    Of hypotheses that explain points those give way that stand where the scanner saw through.
+    """
     area = problem.surface.perimeter_m * problem.element.segment_length_m
     cloud = thinned(problem.points, float(np.sqrt(area / SEARCH_POINTS_A_SEGMENT)), settings.seed)
     noise_m = settings.range_noise_m or point_noise(cloud, problem.points, rng)
-    nodes_m = problem.chain.pose(problem.designed).nodes_m
-    rays = None if scan.stations is None else rays_near(scan, problem, nodes_m, settings.seed)
-    startup = Startup(problem, cloud, noise_m, settings, solver, log, rays)
+    startup = Startup(problem, cloud, noise_m, settings, solver, log, refuter(problem, scan, noise_m, settings.seed))
     best = startup.better([startup.run(), startup.finish(found.x)])
     cloud = startup.around(best)
     return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)

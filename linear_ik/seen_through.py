@@ -7,6 +7,7 @@ near it; without stations nothing is known, and nothing computed.
 
 from __future__ import annotations
 
+from collections.abc import Callable
 from dataclasses import dataclass, replace
 from functools import cached_property
 
@@ -20,6 +21,8 @@ from linear_ik.scan import Scan
 Array = npt.NDArray[np.float64]
 Count = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
+Refuter = Callable[[Array, int], bool]
+"""Whether it cannot be: of variables [6 + 3N], and how many segments of the chain there are so far."""
 
 MOST_RAYS = 30_000
 POINTS_A_PASS = 65_536  # what a core keeps in its cache
@@ -63,6 +66,21 @@ def seen_through(problem: Problem, scan: Scan, pose: Pose, noise_m: float, seed:
         return np.zeros(pose.n_segments, dtype=bool)
     rays = rays_near(scan, problem, pose.nodes_m, seed)
     return crossings(problem, pose, rays, noise_m).contradicted
+
+
+def refuter(problem: Problem, scan: Scan, noise_m: float, seed: int) -> Refuter | None:
+    """Return what says whether rays pass through a chain grown so far, or None where no station is known.
+
+    Arguments as of `seen_through`.
+    """
+    if scan.stations is None:
+        return None
+    rays = rays_near(scan, problem, problem.chain.pose(problem.designed).nodes_m, seed)
+
+    def refuted(x: Array, grown: int) -> bool:
+        return bool(crossings(problem, problem.chain.pose(x), rays, noise_m, grown).contradicted.any())
+
+    return refuted
 
 
 @dataclass(frozen=True, eq=False)
@@ -170,11 +188,13 @@ def in_company(rays: Rays, rows: Count) -> Mask:
     _, seen_from = np.unique(rays.stations, axis=0, return_inverse=True)
     # Rays of other stations are no neighbours: farther than any direction.
     key = np.column_stack([rays.ahead, 10.0 * seen_from.reshape(-1)])
-    apart, beside = cKDTree(key, balanced_tree=False, compact_nodes=False).query(key[rows], OF_NEAREST + 1)
-    known = np.isfinite(apart[:, 1:])
-    other_m = rays.range_m[np.where(known, beside[:, 1:], 0)]
+    tree = cKDTree(key, balanced_tree=False, compact_nodes=False)
+    # The first is the ray itself.
+    apart, beside = (np.asarray(found)[:, 1:] for found in tree.query(key[rows], OF_NEAREST + 1))
+    known = np.isfinite(apart)
+    other_m = rays.range_m[np.where(known, beside, 0)]
     own_m = rays.range_m[rows, None]
-    near = known & (np.abs(other_m - own_m) < STEEPEST * apart[:, 1:] * own_m)
+    near = known & (np.abs(other_m - own_m) < STEEPEST * apart * own_m)
     return np.asarray(near.sum(axis=1) >= COMPANY)
 
 

@@ -22,7 +22,7 @@ from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem
 from linear_ik.repair import repair
-from linear_ik.seen_through import Rays, crossings
+from linear_ik.seen_through import Refuter
 from linear_ik.settings import FitSettings
 from linear_ik.stage import Stage
 
@@ -65,10 +65,10 @@ class Startup:
         settings: FitSettings,
         solver: Solver,
         log: Log,
-        rays: Rays | None = None,
+        refuted: Refuter | None = None,
     ) -> None:
-        """Take a cloud of even density, element's frame, its noise, and the rays that say what is empty."""
-        self.rays = rays
+        """Take a cloud of even density, element's frame, its noise, and what says that a chain cannot be."""
+        self.refuted: Refuter = refuted or (lambda x, grown: False)
         self.problem, self.points, self.noise_m = problem, points, noise_m
         self.settings, self.solver, self.log = settings, solver, log
         self.tau_m = float(np.clip(4.0 * noise_m, LEAST_TAU_M, MOST_TAU_M))
@@ -86,17 +86,10 @@ class Startup:
         return self.repaired(self.better(self.finish(h.x) for h in beam))
 
     def better(self, candidates: Iterable[Array]) -> Array:
-        """Return the candidate [6 + 3N] of the highest score, of those that no ray contradicts if there are any."""
+        """Return the candidate [6 + 3N] of the highest score, of those not refuted if there are any."""
         ranked = sorted(candidates, key=self.score, reverse=True)
         n = self.problem.element.segments
-        return ranked[0] if len(ranked) == 1 else next((x for x in ranked if not self.contradicted(x, n)), ranked[0])
-
-    def contradicted(self, x: Array, grown: int) -> bool:
-        """Whether rays pass through a chain grown so far."""
-        if self.rays is None:
-            return False
-        found = crossings(self.problem, self.problem.chain.pose(x), self.rays, self.noise_m, grown)
-        return bool(found.contradicted.any())
+        return ranked[0] if len(ranked) == 1 else next((x for x in ranked if not self.refuted(x, n)), ranked[0])
 
     def repaired(self, x: Array) -> Array:
         """Return ``x`` [6 + 3N] itself, or with nodes moved across a plate where that explains more points."""
@@ -281,7 +274,7 @@ class Startup:
         return 0.5 * float((((x - self.design) / self.problem.prior_sd)[BASE:] ** 2).sum())
 
     def best(self, hypotheses: list[Hypothesis], width: int) -> list[Hypothesis]:
-        """Return the best distinct hypotheses, best first."""
+        """Return the best distinct hypotheses, best first; refuted ones only where there are no others."""
         kept: list[Hypothesis] = []
         ranked = sorted(hypotheses, key=lambda h: -h.score)
         for h in ranked:
@@ -289,7 +282,7 @@ class Startup:
             grown = len(h.support) + 1
             others = (self.problem.chain.pose(o.x).nodes_m for o in kept)
             if all(np.abs(nodes[:grown] - o[:grown]).max() > 0.003 for o in others):
-                if len(ranked) == 1 or not self.contradicted(h.x, len(h.support)):
+                if len(ranked) == 1 or not self.refuted(h.x, len(h.support)):
                     kept.append(h)
             if len(kept) == width:
                 break
