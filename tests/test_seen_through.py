@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from captured import element_of, needs_captured_scans, scan_of
 from hypothesis import given, settings
 from hypothesis import strategies as st
 from samples import SAMPLES
@@ -196,6 +197,17 @@ def test_rays_are_few_chosen_by_the_seed_and_lead_to_the_element(monkeypatch: py
     assert len(rays_near(scan, problem, nodes_m, 0).points) == 200
     near = Scan(scan.stations[0] + [[-0.5, 0.0, 0.0], [0.5, 0.0, 0.0]], None, scan.stations, np.zeros(2, dtype=int))
     assert len(rays_near(near, problem, nodes_m, 0).points) == 0
+
+
+@needs_captured_scans
+def test_a_captured_pipe_is_contradicted_beside_its_place_only() -> None:
+    element, scan = element_of("pipe_west"), scan_of("pipe_west")
+    problem = Problem.of(element, scan)
+    pose = problem.chain.pose(problem.designed)
+    assert not crossings(problem, pose, rays_near(scan, problem, pose.nodes_m, 0), NOISE_M).through.any()
+    x = problem.designed
+    x[0] = 0.06
+    assert seen_through(problem, scan, problem.chain.pose(x), NOISE_M, 0).any()
 
 
 # in a fit --------------------------------------------------------------------------------
