@@ -16,6 +16,8 @@ from linear_ik.doubts import (
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
+from linear_ik.scan import Scan
+from linear_ik.seen_through import refuter
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import ROBUST_SCALE
 from linear_ik.side_noise import MAD_TO_SD
@@ -105,14 +107,22 @@ def seen_around(problem: Problem, found: Descended) -> bool:
 
 
 def searched(
-    problem: Problem, found: Descended, settings: FitSettings, solver: Solver, log: Log, rng: np.random.Generator
+    problem: Problem,
+    scan: Scan,
+    found: Descended,
+    settings: FitSettings,
+    solver: Solver,
+    log: Log,
+    rng: np.random.Generator,
 ) -> Descended:
-    """Search from the base outwards, and keep the better of its outcome and the plain one."""
+    """Search from the base outwards, and keep the better of its outcome and the plain one.
+
+    Of hypotheses that explain points those give way that stand where the scanner saw through.
+    """
     area = problem.surface.perimeter_m * problem.element.segment_length_m
     cloud = thinned(problem.points, float(np.sqrt(area / SEARCH_POINTS_A_SEGMENT)), settings.seed)
     noise_m = settings.range_noise_m or point_noise(cloud, problem.points, rng)
-    startup = Startup(problem, cloud, noise_m, settings, solver, log)
-    starts = [startup.run(), startup.finish(found.x)]
-    best = max(starts, key=startup.score)
+    startup = Startup(problem, cloud, noise_m, settings, solver, log, refuter(problem, scan, noise_m, settings.seed))
+    best = startup.better([startup.run(), startup.finish(found.x)])
     cloud = startup.around(best)
     return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)

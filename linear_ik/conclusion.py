@@ -23,6 +23,8 @@ from linear_ik.doubts import (
 from linear_ik.problem import Problem
 from linear_ik.reason import Reason
 from linear_ik.result import FitResult, SegmentResult, status_of
+from linear_ik.scan import Scan
+from linear_ik.seen_through import seen_through
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled
 from linear_ik.tapered_surface import surface_of
@@ -35,8 +37,8 @@ Mask = npt.NDArray[np.bool_]
 SLID_M = 0.006
 
 
-def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
-    """Return the result of a settled fit, and the verdict on it."""
+def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+    """Return the result of a settled fit, and the verdict on it; all of the scan's points say what is empty."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     points, whole = settled.tally.objective, settled.objective
     S, node_covariance = covariance(problem, pose, whole, noise_m)
@@ -54,7 +56,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status_of(r.code for r in reasons) == "not_scanned":
         return absent(problem, reasons, settings, log, clock)
-    reasons += tuple(doubted(settled, settings))
+    reasons += tuple(doubted(settled, scan, settings))
     rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)
     clock.lap("assess")
     return in_scan_coordinates(
@@ -74,7 +76,7 @@ def conclude(settled: Settled, settings: FitSettings, log: Log, clock: Clock) ->
     )
 
 
-def doubted(settled: Settled, settings: FitSettings) -> Iterator[Reason]:
+def doubted(settled: Settled, scan: Scan, settings: FitSettings) -> Iterator[Reason]:
     """Yield what the points around a settled fit put in doubt."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     sample = (problem.surface, settled.pairs, settled.matched, noise_m)
@@ -99,6 +101,10 @@ def doubted(settled: Settled, settings: FitSettings) -> Iterator[Reason]:
     if off_m.any():
         off = f"{listed(off_m > 0)}: a side lies {1e3 * off_m.max():.1f} mm off the surface"
         yield Reason("side_off", f"{off}: something touches it there, or its section is another")
+    through = seen_through(problem, scan, pose, noise_m, settings.seed)
+    if through.any():
+        they = "it" if through.sum() == 1 else "they"
+        yield Reason("seen_through", f"{listed(through)}: the scanner saw through where {they} would be")
     beside = beside_all_along(settled.tally.matched, settled.tally.beside)
     if beside:
         there = f"all along the element {beside:.0%} of the points near its surface lie beside it"

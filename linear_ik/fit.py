@@ -112,7 +112,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     if settings.method == "icpik":
         found = icpik(problem, settings, solver, log)
         clock.lap("icpik")
-        return conclude(measured(problem, found, settings), settings, log, clock)
+        return conclude(measured(problem, found, settings), scan, settings, log, clock)
 
     few = sample(problem, problem.chain.pose(problem.designed), COARSE_POINTS_A_SEGMENT * n, rng)
     found, sure = plain(problem, few, settings, solver, log)
@@ -120,7 +120,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     robust_scale = ROBUST_SCALE
     if settings.search == "always" or (settings.search == "auto" and not sure):
         robust_scale = NARROW_SCALE
-        found = searched(problem, found, settings, solver, log, rng)
+        found = searched(problem, scan, found, settings, solver, log, rng)
         problem = problem.seeing(nearby(problem, found.pose, NEAR_M))
         clock.lap("search")
         if len(problem.points) < LEAST_POINTS:
@@ -129,7 +129,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     some = sample(problem, found.pose, sample_size(problem), rng)
     settled = settle(problem, found, some, settings, solver, log, robust_scale)
     clock.lap("settle")
-    result = conclude(settled, settings, log, clock).with_reasons(*removed)
+    result = conclude(settled, scan, settings, log, clock).with_reasons(*removed)
     if problem.matcher.sights is not None and contradicted(settled):
         # Files name stations that are none: the file's own origin, say.
         bare = Log(log.on_iteration, log.T_world_element)

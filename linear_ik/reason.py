@@ -30,6 +30,7 @@ ReasonCode = Literal[
     "turned_away",
     "side_off",
     "beside_all_along",
+    "seen_through",
     "stepped_aside",
     "thin_plates",
     "foreign_points",

@@ -9,7 +9,7 @@ Matches are narrow throughout (a few times the noise): clutter 50 mm away does n
 
 from __future__ import annotations
 
-from collections.abc import Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import dataclass
 from functools import partial
 
@@ -22,6 +22,7 @@ from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.repair import repair
+from linear_ik.seen_through import Refuter
 from linear_ik.settings import FitSettings
 from linear_ik.stage import Stage
 
@@ -59,9 +60,17 @@ class Startup:
     """The search for one element in one (thinned) cloud."""
 
     def __init__(
-        self, problem: Problem, points: Array, noise_m: float, settings: FitSettings, solver: Solver, log: Log
+        self,
+        problem: Problem,
+        points: Array,
+        noise_m: float,
+        settings: FitSettings,
+        solver: Solver,
+        log: Log,
+        refuted: Refuter | None = None,
     ) -> None:
-        """Take a cloud of even density, element's frame, and its noise."""
+        """Take a cloud of even density, element's frame, its noise, and what says that a chain cannot be."""
+        self.refuted: Refuter = refuted or (lambda x, grown: False)
         self.problem, self.points, self.noise_m = problem, points, noise_m
         self.settings, self.solver, self.log = settings, solver, log
         self.tau_m = float(np.clip(4.0 * noise_m, LEAST_TAU_M, MOST_TAU_M))
@@ -76,8 +85,8 @@ class Startup:
         for k in range(self.problem.element.segments):
             children = [child for parent in beam for child in self.extend(parent, k, alone=len(beam) == 1)]
             beam = self.best(children, BEAM[min(k, len(BEAM) - 1)] if self.floating else 1)
-        best = self.repaired(max((self.finish(h.x) for h in beam), key=self.score))
-        return max([best, *self.slid(best)], key=self.score)
+        best = self.repaired(self.better(self.finish(h.x) for h in beam))
+        return self.better([best, *self.slid(best)])
 
     def slid(self, x: Array) -> Iterator[Array]:
         """Yield a bent chain slid along its axis, where its base may and did not yet, and refined with the slide free.
@@ -91,11 +100,18 @@ class Startup:
         along = problem.chain.pose(x).rotations[:, :, 2]
         if (along @ along[0]).min() > np.cos(BENT_RAD):
             return
-        other = Startup(problem.released(), self.points, self.noise_m, self.settings, self.solver, self.log)
+        free = problem.released()
+        other = Startup(free, self.points, self.noise_m, self.settings, self.solver, self.log, self.refuted)
         for share in SLIDES:
             start = x.copy()
             start[AXIAL] += share * problem.chain.upper[AXIAL]
             yield other.repaired(other.finish(problem.chain.clip(start)))
+
+    def better(self, candidates: Iterable[Array]) -> Array:
+        """Return the candidate [6 + 3N] of the highest score, of those not refuted if there are any."""
+        ranked = sorted(candidates, key=self.score, reverse=True)
+        n = self.problem.element.segments
+        return ranked[0] if len(ranked) == 1 else next((x for x in ranked if not self.refuted(x, n)), ranked[0])
 
     def repaired(self, x: Array) -> Array:
         """Return ``x`` [6 + 3N] itself, or with nodes moved across a plate where that explains more points."""
@@ -280,17 +296,19 @@ class Startup:
         return 0.5 * float((((x - self.design) / self.problem.prior_sd)[BASE:] ** 2).sum())
 
     def best(self, hypotheses: list[Hypothesis], width: int) -> list[Hypothesis]:
-        """Return the best distinct hypotheses, best first."""
+        """Return the best distinct hypotheses, best first; refuted ones only where there are no others."""
         kept: list[Hypothesis] = []
-        for h in sorted(hypotheses, key=lambda h: -h.score):
+        ranked = sorted(hypotheses, key=lambda h: -h.score)
+        for h in ranked:
             nodes = self.problem.chain.pose(h.x).nodes_m
             grown = len(h.support) + 1
             others = (self.problem.chain.pose(o.x).nodes_m for o in kept)
             if all(np.abs(nodes[:grown] - o[:grown]).max() > 0.003 for o in others):
-                kept.append(h)
+                if len(ranked) == 1 or not self.refuted(h.x, len(h.support)):
+                    kept.append(h)
             if len(kept) == width:
                 break
-        return kept
+        return kept or ranked[:1]
 
     def finish(self, x: Array) -> Array:
         """Descend on all joints, the scale shrinking to the noise."""
