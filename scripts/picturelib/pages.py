@@ -54,7 +54,7 @@ def pages(figures: Path) -> list[Path]:
         with browser(folder / "profile") as tab:
             return [
                 played(tab, folder / "demo" / "view.html", figures / "view.png", 1.0),
-                played(tab, folder / "recording.html", figures / "recording.png", 0.25),
+                played(tab, folder / "recording.html", figures / "recording.png", 0.25, pairs=True),
                 report(tab, folder / "report.html", figures / "report_1280.png", 1280, 1500, "C2"),
                 report(tab, folder / "report.html", figures / "report_390.png", 390, 540),
                 plots(tab, long, figures / "own_weight.png"),
@@ -79,10 +79,12 @@ def run(*arguments: object) -> None:
         raise SystemExit(code)
 
 
-def played(tab: Tab, page: Path, picture: Path, share: float) -> Path:
-    """Take a picture of the viewer's page where a share of its iterations are over."""
+def played(tab: Tab, page: Path, picture: Path, share: float, pairs: bool = False) -> Path:
+    """Take a picture of the viewer's page where a share of its iterations are over, with its pairs or without."""
     tab.open(page.as_uri(), 1280, 720)
     time.sleep(DRAWN_S)
+    if pairs:
+        tab.ask("document.querySelector('#player label input').click()")
     tab.ask(
         f"{{ const s = document.querySelector('#player input'); s.value = Math.round({share} * s.max);"
         " s.dispatchEvent(new Event('input')); }"
@@ -114,6 +116,8 @@ def plots(tab: Tab, page: Path, picture: Path) -> Path:
 
 
 def small(picture: Path) -> Path:
-    """Write a picture anew with 256 colours, which pages do not miss."""
-    Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(picture, optimize=True)
+    """Write a picture anew with 256 colours, which pages do not miss; the rare ones, as of marks, are kept."""
+    colours = Image.open(picture).convert("RGB")
+    few = colours.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
+    few.save(picture, optimize=True)
     return picture
