@@ -6,18 +6,19 @@ import json
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from linear_ik.atomic import same_file, write_atomically
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
-from linear_ik.model_fit.fits import Fits, Listener, Row
+from linear_ik.model_fit.fits import Fits, Listener, Pieces, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.placing import scan_to_model, why_nothing
@@ -27,7 +28,9 @@ from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
-from linear_ik.site.handout import moved
+from linear_ik.site.handout import boxes_back, moved
+
+Array = npt.NDArray[np.float64]
 
 SCHEMA = "linear_ik/run/1"
 ASBUILT, TABLE, REPORT = "asbuilt.ifc", "elements.csv", "run.json"
@@ -92,9 +95,10 @@ def fit_model(
     if not paths:
         raise LinearIkError("scan", "no files", "at least one")
 
-    def pieces() -> Iterator[Scan]:
+    def pieces(near: Array) -> Iterator[Scan]:
+        within = boxes_back(near, T)
         for path in paths:
-            yield from moved(iter_scan(path, chunk), T)
+            yield from moved(iter_scan(path, chunk, within), T)
 
     design_path = None if isinstance(design, DesignModel) else Path(design)
     _keep_inputs(Path(output_folder), paths if design_path is None else [design_path, *paths])
@@ -158,7 +162,7 @@ class _Clock:
         return {**self._laps, "total": time.perf_counter() - self._began}
 
 
-def _hand_out(fits: Fits, folder: RunFolder, pieces: Callable[[], Iterator[Scan]], listener: Listener) -> None:
+def _hand_out(fits: Fits, folder: RunFolder, pieces: Pieces, listener: Listener) -> None:
     """Take over what is known and hand out the scan; leave nothing behind where that comes to no good."""
     try:
         fits.prepare(pieces, listener)
@@ -171,7 +175,7 @@ def _hand_out(fits: Fits, folder: RunFolder, pieces: Callable[[], Iterator[Scan]
 
 
 def _write(
-    fits: Fits, model: DesignModel, design: Path | None, pieces: Callable[[], Iterator[Scan]], listener: Listener
+    fits: Fits, model: DesignModel, design: Path | None, pieces: Pieces, listener: Listener
 ) -> tuple[ModelFit, dict[str, object]]:
     """Write the files that are about all elements; return what was found, and what run.json says of it."""
     folder, options, rows = fits.folder.path, fits.options, fits.rows

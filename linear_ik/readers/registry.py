@@ -10,6 +10,7 @@ import difflib
 import os
 import stat
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
@@ -32,6 +33,8 @@ READERS: dict[str, Reader] = {
     ".txt": xyz.read,
     ".xyz": xyz.read,
 }
+# Readers that can leave out what is not wanted.
+BY_BOUNDS = {".las": las.read, ".laz": las.read}
 CHUNK_POINTS = 250_000
 # How files of these formats begin, to name a file that has the wrong extension.
 BEGINNINGS = {
@@ -62,7 +65,9 @@ def read_scan(*paths: str | os.PathLike[str]) -> Scan:
     return merge(part for path in paths for part in iter_scan(path))
 
 
-def iter_scan(path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS) -> Iterator[Scan]:
+def iter_scan(
+    path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS, within: Array | None = None
+) -> Iterator[Scan]:
     """Read a file piece by piece, in file order; memory depends on ``chunk_points`` alone.
 
     (Of a binary_compressed PCD the body is decompressed as a whole.) A piece comes from one
@@ -71,6 +76,8 @@ def iter_scan(path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS) ->
     Args:
         path: as for read_scan.
         chunk_points: most points of a piece.
+        within: [B][2][3] least and largest x, y and z of boxes. Points in none of them may be left out, and
+            are where the file says what of it is where (COPC); some that show where the scan is stay.
 
     Raises:
         ScanError: at once for what can be seen from outside, later for what turns up inside.
@@ -79,7 +86,10 @@ def iter_scan(path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS) ->
     if chunk_points < 1:
         raise SettingsError("chunk_points", str(chunk_points), "at least 1")
     path = Path(path)
-    return _scans(path, _reader(path), chunk_points)
+    reader = _reader(path)
+    if within is not None and path.suffix.lower() in BY_BOUNDS:
+        reader = partial(BY_BOUNDS[path.suffix.lower()], within=within)
+    return _scans(path, reader, chunk_points)
 
 
 def _reader(path: Path) -> Reader:
