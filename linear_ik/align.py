@@ -88,6 +88,7 @@ def align(
     near: npt.ArrayLike | None = None,
     levelled: bool = True,
     on_step: Callable[[str, float], None] | None = None,
+    unit: str = "m",
 ) -> Alignment:
     """Return the rigid motion that takes a scan into the model's coordinates.
 
@@ -103,9 +104,10 @@ def align(
         near: [4][4] a guess within about 0.3 m, in place of the search.
         levelled: the scanner was levelled: z is up, in the model too.
         on_step: called with what is being done and the share of it that is.
+        unit: of the files' numbers, as for `read_scan`.
 
     Raises:
-        SettingsError: no scan, a guess that is no rigid motion.
+        SettingsError: no scan, a guess that is no rigid motion, another unit.
         ScanError: a scan without points, or a file that cannot be read.
         LinearIkError: a design without bodies.
     """
@@ -116,7 +118,7 @@ def align(
     if not (design.members or any(len(o.triangles) for o in design.obstacles)):
         raise LinearIkError(design.source, "has no bodies", "members or obstacles to lay a scan on")
     say("reading", 0.0)
-    thinned = thin(_parts(scans), VOXEL_M)
+    thinned = thin(_parts(scans, unit), VOXEL_M)
     points, voxel_m = thinned.points(), thinned.voxel_m
     target = Target(design)
     # Single precision comes later: both clouds about origins of their own.
@@ -228,14 +230,14 @@ def _judge(
     return status, tuple(reasons)
 
 
-def _parts(scans: tuple[Points, ...]) -> Iterator[Array]:
+def _parts(scans: tuple[Points, ...], unit: str) -> Iterator[Array]:
     for scan in scans:
         if isinstance(scan, Scan):
             yield scan.points
         elif isinstance(scan, np.ndarray):
             yield Scan(scan).points
         else:
-            for part in iter_scan(scan):
+            for part in iter_scan(scan, unit=unit):
                 yield part.points
 
 

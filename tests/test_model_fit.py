@@ -316,7 +316,7 @@ def test_a_scan_in_the_maps_coordinates(built, tmp_path):
 @pytest.mark.parametrize(
     ("change", "hint"),
     [
-        (1000.0, ": the scan seems to be in millimetres"),
+        (1000.0, ": the scan seems to be in millimetres (--scan-unit mm)"),
         (1.0, ", though the scan is about where the design is (linear-ik align lays it on)"),
         (None, ": the scan and the design are 860.7 m apart (--transform; see linear-ik align)"),
     ],

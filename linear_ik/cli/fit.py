@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option
+from linear_ik.cli.arguments import file_argument, file_option, unit_option
 from linear_ik.cli.judging import (
     describe_verdicts,
     judge,
@@ -94,6 +94,7 @@ def fit(
     tolerances: Annotated[str | None, tolerances_option()] = None,
     loading_state: Annotated[str | None, loading_state_option()] = None,
     precamber: Annotated[float | None, precamber_option()] = None,
+    scan_unit: Annotated[str, unit_option()] = "m",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
     only: Annotated[
         str | None, typer.Option("--only", metavar="GUID,...", help=FOR_MODELS + "fit these elements.")
@@ -156,6 +157,7 @@ def fit(
             precamber=precamber,
         )
         settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
+        for_models["scan_unit"] = scan_unit
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
     to_stdout = is_stdout(output)
@@ -180,7 +182,7 @@ def fit(
     with progress.stage("reading " + ", ".join(str(path) for path in scan), judges_input=True):
         from linear_ik.readers import read_scan
 
-        points = read_scan(*scan)
+        points = read_scan(*scan, unit=scan_unit)
     viewer = _open_viewer(design, points, wait) if view else None
 
     with progress.stage(f"fitting {design.name}"):

@@ -10,7 +10,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option
+from linear_ik.cli.arguments import file_argument, file_option, unit_option
 from linear_ik.cli.outputs import check_output
 from linear_ik.cli.process import Verb
 from linear_ik.cli.progress import Progress
@@ -40,6 +40,7 @@ def view(
         Path | None,
         file_option("--html", metavar="PAGE.html", about="Write one self-contained page, serve nothing."),
     ] = None,
+    scan_unit: Annotated[str, unit_option()] = "m",
     port: Annotated[int | None, typer.Option("--port", min=1, max=65535, help="The first free from 7000 on.")] = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Stay until Enter or Ctrl-C, or end at once.")] = True,
 ) -> None:
@@ -65,7 +66,7 @@ def view(
         if kinds["scan"]:
             from linear_ik.readers import read_scan
 
-            scan = read_scan(*kinds["scan"])
+            scan = read_scan(*kinds["scan"], unit=scan_unit)
     with progress.stage("drawing"):
         from linear_ik.viewer import Viewer
 

@@ -9,6 +9,7 @@ from numbers import Integral, Real
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.coordinates import metres_of
 from linear_ik.element import MOST_SEGMENTS
 from linear_ik.errors import SettingsError
 
@@ -29,7 +30,8 @@ class ModelFitOptions:
         segments: of every element, in place of the design's.
         only: GlobalIds; all when empty.
         classes: such as IfcBeam; all when empty.
-        T_model_scan: [4][4] takes the scan into the model's coordinates; None where it is in them.
+        scan_unit: of the files' numbers: m, mm, cm, in, ft or us-ft.
+        T_model_scan: [4][4] takes the scan, in metres, into the model's coordinates; None where it is in them.
         map_coordinates: the scan is in the map's coordinates of the design's map conversion.
         legend_m: deviation at either end of the colours.
         contest: whether neighbours compete for points.
@@ -46,6 +48,7 @@ class ModelFitOptions:
     segments: int | None = None
     only: Sequence[str] = ()
     classes: Sequence[str] = ()
+    scan_unit: str = "m"
     T_model_scan: Array | None = None
     map_coordinates: bool = False
     legend_m: float = 0.02
@@ -68,6 +71,10 @@ class ModelFitOptions:
             if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:  # type: ignore[operator]
                 what = "a whole number" if whole else "a number"
                 raise SettingsError(name, f"{value!r}", f"{what} from {low:g} to {high:g}")
+        try:
+            metres_of(self.scan_unit)
+        except SettingsError as error:
+            raise error.about("scan_unit") from None
         if self.T_model_scan is not None:
             object.__setattr__(self, "T_model_scan", check_rigid("T_model_scan", self.T_model_scan))
             if self.map_coordinates:

@@ -98,7 +98,7 @@ def fit_model(
     def pieces(near: Array) -> Iterator[Scan]:
         within = boxes_back(near, T)
         for path in paths:
-            yield from moved(iter_scan(path, chunk, within), T)
+            yield from moved(iter_scan(path, chunk, within, options.scan_unit), T)
 
     design_path = None if isinstance(design, DesignModel) else Path(design)
     _keep_inputs(Path(output_folder), paths if design_path is None else [design_path, *paths])
@@ -113,7 +113,7 @@ def fit_model(
     clock = _Clock()
     try:
         folder.make()
-        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths), T)
+        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
         _hand_out(fits, folder, pieces, listener)
         fits.take_over()
         clock.lap("hand_out")
@@ -225,12 +225,12 @@ def make_pool(options: ModelFitOptions, elements: int) -> Pool:
     return Processes(max(1, min(options.workers or cores, elements)))
 
 
-def scan_inputs(paths: Sequence[Path]) -> list[list[object]]:
-    """Return what tells whether scan files are still the same: place, size and time of change."""
+def scan_inputs(paths: Sequence[Path], unit: str) -> list[list[object]]:
+    """Return what tells whether scan files are still the same: place, size, time of change and unit."""
     out: list[list[object]] = []
     for path in paths:
         stat = path.stat()
-        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns])
+        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit])
     return out
 
 
