@@ -53,10 +53,8 @@ def unit_hint(points: Array, T_world_element: Array, length_m: float) -> str | N
         offset = some * factor - T_world_element[:3, 3]
         near = offset[np.einsum("ij,ij->i", offset, offset) <= (REACH * length_m) ** 2]
         if len(near) > most and np.ptp(near, axis=0).max() >= LEAST_EXTENT * length_m:
-            best, most = (
-                f"the scan seems to be in {unit}: times {factor:.4g} it would be where the element is{how_to_say(unit)}",
-                len(near),
-            )
+            said = f"the scan seems to be in {unit}: times {factor:.4g} it would be where the element is"
+            best, most = said + how_to_say(unit), len(near)
     return best
 
 

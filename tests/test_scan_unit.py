@@ -17,7 +17,6 @@ from linear_ik.cli import main
 from linear_ik.coordinates import NAMES, SCAN_UNITS, unit_hint
 from linear_ik.errors import ScanError, SettingsError
 from linear_ik.model_fit import ModelFitOptions, fit_model
-from linear_ik.readers import iter_scan
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
 
