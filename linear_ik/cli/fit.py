@@ -123,6 +123,9 @@ def fit(
     legend: Annotated[
         float | None, typer.Option("--legend", metavar="METRES", help="Deviation at the ends of the colours; 0.02.")
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace files in the folder that no run of this design wrote.")
+    ] = False,
     workers: Annotated[int | None, typer.Option("--workers", help="Processes; one a core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="tcp://HOST:8786", help="A Dask cluster in place of them.")
@@ -143,6 +146,7 @@ def fit(
         "workers": workers,
         "scheduler": scheduler,
         "map_coordinates": in_map or None,
+        "overwrite": overwrite or None,
     }
     if is_model(element):
         refuse(

@@ -35,6 +35,7 @@ class ModelFitOptions:
         map_coordinates: the scan is in the map's coordinates of the design's map conversion.
         legend_m: deviation at either end of the colours.
         contest: whether neighbours compete for points.
+        overwrite: replace files in the folder that no run of this design wrote.
 
     Raises:
         SettingsError: a value out of its range, named.
@@ -53,6 +54,7 @@ class ModelFitOptions:
     map_coordinates: bool = False
     legend_m: float = 0.02
     contest: bool = True
+    overwrite: bool = False
 
     def __post_init__(self) -> None:
         """Check every field."""

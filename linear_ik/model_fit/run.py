@@ -21,6 +21,7 @@ from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
 from linear_ik.model_fit.fits import Fits, Listener, Pieces, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.options import ModelFitOptions
+from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
@@ -32,8 +33,8 @@ from linear_ik.site.handout import boxes_back, moved
 
 Array = npt.NDArray[np.float64]
 
-SCHEMA = "linear_ik/run/1"
-ASBUILT, TABLE, REPORT = "asbuilt.ifc", "elements.csv", "run.json"
+ASBUILT, TABLE = "asbuilt.ifc", "elements.csv"
+OUTPUTS = (ASBUILT, PLY, LAZ, TABLE, REPORT)
 BYTES_A_POINT = 400  # while a piece of the scan is handed out
 
 
@@ -86,7 +87,7 @@ def fit_model(
         on_progress: called with each step, see `Listener`.
 
     Raises:
-        LinearIkError: bad input; nothing was written then.
+        LinearIkError: bad input, or files in the folder that no run of this design wrote; nothing was written then.
     """
     settings, options = settings or FitSettings(), options or ModelFitOptions()
     listener = on_progress or (lambda *_: None)
@@ -102,6 +103,8 @@ def fit_model(
 
     design_path = None if isinstance(design, DesignModel) else Path(design)
     _keep_inputs(Path(output_folder), paths if design_path is None else [design_path, *paths])
+    source = design.source if isinstance(design, DesignModel) else Path(design).name
+    check_ours(Path(output_folder), source, OUTPUTS, options.overwrite)
     for path in paths:
         iter_scan(path, chunk)  # says at once what can be seen from outside
     listener("reading the design", 0, 0, float("nan"))
@@ -115,6 +118,7 @@ def fit_model(
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
         _hand_out(fits, folder, pieces, listener)
+        note_design(folder.path, model.source)
         fits.take_over()
         clock.lap("hand_out")
         fits.first(pool, listener)
@@ -144,7 +148,7 @@ def _keep_inputs(folder: Path, inputs: Sequence[Path]) -> None:
     Raises:
         OutputError: it is one.
     """
-    for name in (ASBUILT, PLY, LAZ, TABLE, REPORT):
+    for name in OUTPUTS:
         if any(same_file(folder / name, path) for path in inputs):
             raise OutputError(folder / name, "is one of the files that are read", "another folder")
 
@@ -204,7 +208,9 @@ def _write(
         "left_out": [asdict(left) for left in model.left_out],
         "notes": notes,
         "settings": asdict(fits.settings),
-        "options": {k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler")},
+        "options": {
+            k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler", "overwrite")
+        },
         "deviation": coloured.legend,
         "scan_points": fits.extent,
         "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": fits.fitted_now},
