@@ -16,6 +16,7 @@ from linear_ik.cli.process import Verb
 from linear_ik.cli.progress import Progress
 
 if TYPE_CHECKING:
+    from linear_ik.element import Element
     from linear_ik.viewer import Viewer
 
 BROWSER_TIMEOUT_S = 10.0
@@ -62,6 +63,8 @@ def view(
 
         result = read_result(kinds["result"][0]) if kinds["result"] else None
         element = load_element(kinds["element"][0]) if kinds["element"] else None
+        if result is not None and element is not None:
+            check_same(kinds["result"][0], result.element, kinds["element"][0], element)
         scan = None
         if kinds["scan"]:
             from linear_ik.readers import read_scan
@@ -82,6 +85,18 @@ def view(
             return
     open_browser(viewer, port, wait)
     stay(viewer, wait)
+
+
+def check_same(path: Path, fitted: Element, file: Path, element: Element) -> None:
+    """Raise LinearIkError about a result that is of another element than the one shown with it."""
+    from linear_ik.errors import LinearIkError
+
+    for name in ("name", "profile", "profile_end", "length_m", "placement", "axis_points"):
+        mine, theirs = getattr(fitted, name), getattr(element, name)
+        if mine != theirs:
+            called = name.removesuffix("_m")
+            shown = f": {mine!r}, not {theirs!r}" if isinstance(mine, (str, float)) else ""
+            raise LinearIkError(path, f"is of another element: {called}{shown}", f"a result of {file}")
 
 
 def kind_of(path: Path) -> str:
