@@ -21,10 +21,10 @@ from linear_ik.fit import not_scanned
 from linear_ik.model_fit import ModelFitOptions, fit_model
 from linear_ik.model_fit.fits import Row
 from linear_ik.model_fit.folder import RunFolder, file_stems, light
-from linear_ik.model_fit.options import check_rigid
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import line
 from linear_ik.profile import Circle, Rectangle
+from linear_ik.rigid import check_rigid
 from linear_ik.scan import Scan
 
 HERE = {"workers": 0}

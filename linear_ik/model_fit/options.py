@@ -12,6 +12,7 @@ import numpy.typing as npt
 from linear_ik.coordinates import metres_of
 from linear_ik.element import MOST_SEGMENTS
 from linear_ik.errors import SettingsError
+from linear_ik.rigid import check_rigid
 
 Array = npt.NDArray[np.float64]
 
@@ -81,23 +82,3 @@ class ModelFitOptions:
             object.__setattr__(self, "T_model_scan", check_rigid("T_model_scan", self.T_model_scan))
             if self.map_coordinates:
                 raise SettingsError("map_coordinates", "given together with T_model_scan", "one of the two")
-
-
-def check_rigid(name: str, value: object) -> Array:
-    """Return a rigid motion [4][4], or raise SettingsError saying what is wrong with it."""
-    expected = "4 x 4 numbers: a rotation, a translation in metres, last row 0 0 0 1"
-    try:
-        T = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise SettingsError(name, "not numbers", expected) from None
-    if T.shape != (4, 4) or not np.isfinite(T).all():
-        raise SettingsError(name, f"shape {T.shape}, or a number that is not finite", expected)
-    R = T[:3, :3]
-    if not np.allclose(T[3], [0, 0, 0, 1], atol=1e-9):
-        raise SettingsError(name, f"last row {T[3].tolist()}", expected)
-    # Six digits are what programs print.
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
-        raise SettingsError(name, "its 3 x 3 part is no rotation", expected)
-    u, _, vt = np.linalg.svd(R)
-    T[:3, :3] = u @ vt
-    return T
