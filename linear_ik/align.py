@@ -17,6 +17,7 @@ from linear_ik.alignment.thinning import thin
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.readers import iter_scan
+from linear_ik.rigid import check_rigid
 from linear_ik.scan import Scan
 
 Array = npt.NDArray[np.float64]
@@ -88,6 +89,7 @@ def align(
     near: npt.ArrayLike | None = None,
     levelled: bool = True,
     on_step: Callable[[str, float], None] | None = None,
+    unit: str = "m",
 ) -> Alignment:
     """Return the rigid motion that takes a scan into the model's coordinates.
 
@@ -103,20 +105,21 @@ def align(
         near: [4][4] a guess within about 0.3 m, in place of the search.
         levelled: the scanner was levelled: z is up, in the model too.
         on_step: called with what is being done and the share of it that is.
+        unit: of the files' numbers, as for `read_scan`.
 
     Raises:
-        SettingsError: no scan, a guess that is no rigid motion.
+        SettingsError: no scan, a guess that is no rigid motion, another unit.
         ScanError: a scan without points, or a file that cannot be read.
         LinearIkError: a design without bodies.
     """
     say = on_step if on_step is not None else lambda what, share: None
     if not scans:
         raise SettingsError("scans", "none", "at least one")
-    guess = None if near is None else _rigid(near)
+    guess = None if near is None else check_rigid("near", near)
     if not (design.members or any(len(o.triangles) for o in design.obstacles)):
         raise LinearIkError(design.source, "has no bodies", "members or obstacles to lay a scan on")
     say("reading", 0.0)
-    thinned = thin(_parts(scans), VOXEL_M)
+    thinned = thin(_parts(scans, unit), VOXEL_M)
     points, voxel_m = thinned.points(), thinned.voxel_m
     target = Target(design)
     # Single precision comes later: both clouds about origins of their own.
@@ -228,25 +231,17 @@ def _judge(
     return status, tuple(reasons)
 
 
-def _parts(scans: tuple[Points, ...]) -> Iterator[Array]:
+def _parts(scans: tuple[Points, ...], unit: str) -> Iterator[Array]:
     for scan in scans:
         if isinstance(scan, Scan):
             yield scan.points
         elif isinstance(scan, np.ndarray):
             yield Scan(scan).points
         else:
-            for part in iter_scan(scan):
+            for part in iter_scan(scan, unit=unit):
                 yield part.points
 
 
 def _differs(a: Array, b: Array) -> bool:
     turn = float(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
     return turn > OTHER_TURN_RAD or float(np.linalg.norm(a[:3, 3] - b[:3, 3])) > OTHER_PLACE_M
-
-
-def _rigid(near: npt.ArrayLike) -> Array:
-    T = np.asarray(near, dtype=np.float64)
-    right = T.shape == (4, 4) and bool(np.isfinite(T).all()) and np.array_equal(T[3], [0, 0, 0, 1])
-    if not right or np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() > 1e-5 or np.linalg.det(T[:3, :3]) < 0:
-        raise SettingsError("near", "not a rigid motion", "a rotation and a translation in metres, [4][4]")
-    return T

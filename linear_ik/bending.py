@@ -16,6 +16,7 @@ import numpy.typing as npt
 
 from linear_ik.element import Element, check_number
 from linear_ik.errors import ElementError, SettingsError
+from linear_ik.rigid import check_rigid
 
 Array = npt.NDArray[np.float64]
 Axis = Literal["x", "y", "z"]
@@ -114,7 +115,8 @@ def bend_element(
         before = T[k - 1, :3]
         T[k, :3, :3] = before[:, :3] @ turns[k]
         T[k, :3, 3] = before[:, 3] + element.segment_length_m * before[:, 2]
-    base = element.placement.T_world_element @ _rigid(displacement)
+    moved = np.eye(4) if displacement is None else check_rigid("displacement", displacement)
+    base = element.placement.T_world_element @ moved
     nodes = np.vstack([T[:, :3, 3], T[-1, :3, 3] + element.segment_length_m * T[-1, :3, 2]])
     return BentElement(element, angles, q, base, T, nodes @ base[:3, :3].T + base[:3, 3])
 
@@ -203,13 +205,3 @@ def joint_rotations(angles: Array) -> Array:
         ]
     )
     return np.asarray(rows.transpose(2, 0, 1))
-
-
-def _rigid(displacement: npt.ArrayLike | None) -> Array:
-    if displacement is None:
-        return np.eye(4)
-    T = check_array("displacement", displacement, (4, 4))
-    R = T[:3, :3]
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-6 or np.linalg.det(R) < 0 or not np.array_equal(T[3], [0, 0, 0, 1]):
-        raise SettingsError("displacement", "not a rigid motion", "a rotation and a translation, [4][4]")
-    return T

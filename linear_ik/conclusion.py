@@ -178,6 +178,7 @@ def in_scan_coordinates(
     chain = problem.chain
     T = problem.element.placement.T_world_element
     R = T[:3, :3]
+    known["reasons"] = (*known["reasons"], *problem.element.without_effect)
     # Shared by all points, so by all nodes: a translation of the whole. No verdict depends on it.
     shared_m2 = settings.systematic_error_m**2 * np.eye(3)
     configuration = S.copy()

@@ -5,21 +5,35 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.errors import SettingsError
+
 Array = npt.NDArray[np.float64]
 
-UNITS = {
-    "millimetres": 0.001,
-    "centimetres": 0.01,
-    "inches": 0.0254,
-    "feet": 0.3048,
-    "US survey feet": 1200 / 3937,
-    "metres taken for feet": 1 / 0.3048,
-}
+SCAN_UNITS = {"m": 1.0, "mm": 0.001, "cm": 0.01, "in": 0.0254, "ft": 0.3048, "us-ft": 1200 / 3937}
+"""What a scan file may be in, by what a person calls it: one of it in metres."""
+NAMES = {"mm": "millimetres", "cm": "centimetres", "in": "inches", "ft": "feet", "us-ft": "US survey feet"}
+UNITS = {**{NAMES[unit]: SCAN_UNITS[unit] for unit in NAMES}, "metres taken for feet": 1 / 0.3048}
 MOST_POINTS = 100_000
 LEAST_POINTS = 100
 LEAST_EXTENT = 0.5  # of the element's length: a clump of points may come near by chance
 REACH = 1.2  # lengths from the start
 COARSE_STEP_M = 0.001  # finer steps drown in a scanner's noise
+
+
+def metres_of(unit: str) -> float:
+    """Return one of a scan's unit in metres.
+
+    Raises:
+        SettingsError: a unit that is not in SCAN_UNITS.
+    """
+    if unit not in SCAN_UNITS:
+        raise SettingsError("unit", repr(unit), "one of " + ", ".join(SCAN_UNITS))
+    return SCAN_UNITS[unit]
+
+
+def how_to_say(name: str) -> str:
+    """Return, in brackets, how a person says that a scan is in one of UNITS; nothing where it cannot be said."""
+    return next((f" (--scan-unit {unit})" for unit, called in NAMES.items() if called == name), "")
 
 
 def unit_hint(points: Array, T_world_element: Array, length_m: float) -> str | None:
@@ -39,10 +53,8 @@ def unit_hint(points: Array, T_world_element: Array, length_m: float) -> str | N
         offset = some * factor - T_world_element[:3, 3]
         near = offset[np.einsum("ij,ij->i", offset, offset) <= (REACH * length_m) ** 2]
         if len(near) > most and np.ptp(near, axis=0).max() >= LEAST_EXTENT * length_m:
-            best, most = (
-                f"the scan seems to be in {unit}: times {factor:.4g} it would be where the element is",
-                len(near),
-            )
+            said = f"the scan seems to be in {unit}: times {factor:.4g} it would be where the element is"
+            best, most = said + how_to_say(unit), len(near)
     return best
 
 

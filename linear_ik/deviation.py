@@ -192,7 +192,7 @@ def deviations(
     departure = np.einsum("kij,kj->ki", sections, nodes - designed)
     departures = np.einsum("kij,ki->kj", sections, departure)
     each = np.eye(n + 1)
-    own = [_length(bands, each[k : k + 1], departures[k], sections[k]).band or 0.0 for k in range(n + 1)]
+    _, own = _lengths(bands, each, departures, sections)
 
     ends = np.zeros((1, n + 1))
     ends[0, 0], ends[0, -1] = -1.0, 1.0
@@ -212,7 +212,7 @@ def deviations(
         joint=bands.joint is not None,
         offset_m=Curve(s_m, offset, _both(bands, relative, axes)),
         departure_m=Curve(s_m, departure, np.stack([bands.of_rows(each, sections[:, i]) for i in (0, 1)], axis=-1)),
-        departure_band_m=np.array(own),
+        departure_band_m=own,
         slope_rad=Curve((s_m[1:] + s_m[:-1]) / 2, slope, _both(bands, slopes, axes)),
         curvature_1_m=Curve(s_m[1:-1], curvature, _both(bands, bend @ relative, axes)),
         bow_m=_largest(bands, relative, offset @ axes, axes, LARGEST),
@@ -277,23 +277,35 @@ def _largest(bands: Bands, rows: Array, vectors: Array, axes: Array, note: str, 
     free = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > 1e-9)
     if not len(free):
         return Figure(None, None, None, "one segment cannot bend")
-    figures = [_length(bands, rows[k : k + 1], vectors[k], axes, int(k) + first, note) for k in free]
-    value, reach = np.array([_value_and_reach(figure) for figure in figures]).T
+    value, band = _lengths(bands, rows[free], vectors[free], np.broadcast_to(axes, (len(free), *axes.shape)))
+    k = int(value.argmax())
     # A node that is less far out but less well known may be the farthest: the limit must hold for it too.
-    return replace(figures[int(value.argmax())], band=float(reach.max() - value.max()))
-
-
-def _value_and_reach(figure: Figure) -> tuple[float, float]:
-    assert figure.value is not None and figure.band is not None
-    return figure.value, figure.value + figure.band
+    return Figure(float(value[k]), float((value + band).max() - value[k]), int(free[k]) + first, note)
 
 
 def _length(bands: Bands, row: Array, vector: Array, axes: Array, node: int | None = None, note: str = "") -> Figure:
     """Return the length of a vector with its band along it; of none, the widest along the axes [A][3]."""
-    length = float(np.linalg.norm(vector))
-    directions = (vector / length)[None] if length > 0 else axes
-    band = max(float(bands.of_rows(row, direction[None])[0]) for direction in directions)
-    return Figure(length, band, node, note)
+    length, band = _lengths(bands, row, vector[None], axes[None])
+    return Figure(float(length[0]), float(band[0]), node, note)
+
+
+def _lengths(bands: Bands, rows: Array, vectors: Array, axes: Array) -> tuple[Array, Array]:
+    """Return the lengths of vectors [K][3] with their bands along them [K]; of none, the widest along its axes.
+
+    Args:
+        bands: covariances.
+        rows: [K][N+1] coefficients that make each vector.
+        vectors: [K][3].
+        axes: [K][A][3] directions that a vector without length may have.
+    """
+    length = np.linalg.norm(vectors, axis=1)
+    band = bands.of_rows(rows, vectors / np.where(length > 0.0, length, 1.0)[:, None])
+    none = np.flatnonzero(length == 0.0)
+    if len(none):
+        count = axes.shape[1]
+        widest = bands.of_rows(np.repeat(rows[none], count, axis=0), axes[none].reshape(-1, 3))
+        band[none] = widest.reshape(-1, count).max(axis=1)
+    return length, band
 
 
 def _upwards(vertical: Array, chord: Array) -> Array:

@@ -4,11 +4,14 @@ from __future__ import annotations
 
 import math
 from dataclasses import dataclass
+from functools import lru_cache
 
 import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import BASE, Chain
+from linear_ik.element import Element
+from linear_ik.profile import Circle
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
@@ -45,7 +48,11 @@ class Bands:
             own = own + in_step_m[:, :, None] * in_step_m[:, None, :]
         if S is None:
             return cls(own, None)
-        A = Chain.of(result.element).pose(configuration(result)).node_jacobians()
+        # To load a chain takes longer than all else here, and chains of as many segments differ in length alone.
+        length_m, x = result.element.length_m, configuration(result)
+        x[:3] /= length_m
+        A = _chain_of_length_1(result.element.segments).pose(x).node_jacobians()
+        A[:, :, 3:] *= length_m
         flat = A.reshape(-1, A.shape[2])
         joint = flat @ S @ flat.T
         if in_step_m is not None:
@@ -59,16 +66,14 @@ class Bands:
             rows: [K][N+1] coefficients of the nodes.
             directions: [K][3] unit vectors.
         """
-        out = np.empty(len(rows))
-        for k, (row, e) in enumerate(zip(rows, directions, strict=True)):
-            used = np.flatnonzero(row)
-            if self.joint is None:
-                sd = np.sqrt(np.maximum(np.einsum("i,kij,j->k", e, self.own[used], e), 0.0))
-                out[k] = np.abs(row[used]) @ sd
-            else:
-                between = np.einsum("i,aibj,j->ab", e, self.joint[used][:, :, used], e)
-                out[k] = np.sqrt(max(float(row[used] @ between @ row[used]), 0.0))
-        return BAND_95 * out
+        if self.joint is None:
+            variance = np.einsum("ki,aij,kj->ka", directions, self.own, directions)
+            # A node that does not count may be known as badly as it likes.
+            parts = np.where(rows != 0.0, np.abs(rows) * np.sqrt(np.maximum(variance, 0.0)), 0.0)
+            return np.asarray(BAND_95 * parts.sum(axis=1))
+        flat = (rows[:, :, None] * directions[:, None, :]).reshape(len(rows), 3 * rows.shape[1])
+        variance = np.einsum("kf,kf->k", flat @ self.joint.reshape(flat.shape[1], -1), flat)
+        return np.asarray(BAND_95 * np.sqrt(np.maximum(variance, 0.0)))
 
     def largest_of_none(self, rows: Array, axes: Array) -> float | None:
         """Return what the longest of the sums stays below in 95 % of scans when all of them are 0.
@@ -87,9 +92,19 @@ class Bands:
         size = C.shape[0] * C.shape[1]
         values, vectors = np.linalg.eigh(C.reshape(size, size))
         root = vectors * np.sqrt(np.maximum(values, 0.0))
-        drawn = np.random.default_rng(0).standard_normal((DRAWS, size)) @ root.T
+        drawn = _draws(size) @ root.T
         lengths = np.linalg.norm(drawn.reshape(DRAWS, C.shape[0], C.shape[1]), axis=2)
         return float(np.quantile(lengths.max(axis=1), 0.95))
+
+
+@lru_cache(maxsize=8)
+def _chain_of_length_1(segments: int) -> Chain:
+    return Chain.of(Element("chain", Circle(0.01), 1.0, segments))
+
+
+@lru_cache(maxsize=8)
+def _draws(size: int) -> Array:
+    return np.random.default_rng(0).standard_normal((DRAWS, size))
 
 
 def band_along(vectors: Array, covariance: Array) -> Array:

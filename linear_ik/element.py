@@ -212,6 +212,19 @@ class Element:
         """Whether the section varies along the element."""
         return self.profile_end is not None and self.profile_end != self.profile
 
+    @property
+    def without_effect(self) -> tuple[str, ...]:
+        """Sentences on tolerances of what is held or free anyway: who gave them may expect otherwise."""
+        usual, given = PlacementTolerance(), self.placement_tolerance
+        out = []
+        if self.start in ("fixed", "pinned") and given != usual:
+            out.append(f"placement_tolerance has no effect with start: {self.start} (start: free lets it move)")
+        if self.start == "roller" and given.rotation_deg != usual.rotation_deg:
+            out.append("placement_tolerance.rotation_deg has no effect with start: roller")
+        if self.end == "free" and self.end_tolerance_m != Element.end_tolerance_m:
+            out.append("end_tolerance_m has no effect with end: free")
+        return tuple(out)
+
     def profile_at(self, share: float) -> Profile:
         """Return the section at ``share`` (0 to 1) of the length."""
         if self.profile_end is None or not self.is_tapered:

@@ -8,19 +8,13 @@ from dataclasses import dataclass
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik import coordinates
 from linear_ik.design_model import DesignModel, MapConversion
 
 Array = npt.NDArray[np.float64]
 
 # What a scan may be in, in metres.
-UNITS = {
-    "millimetres": 0.001,
-    "centimetres": 0.01,
-    "inches": 0.0254,
-    "feet": 0.3048,
-    "metres taken for millimetres": 1000.0,
-    "metres taken for feet": 1 / 0.3048,
-}
+UNITS = {**coordinates.UNITS, "metres taken for millimetres": 1000.0}
 # Of a scan's x, y, z: what its writer may have made of a model's.
 SWAPS = {
     "y and z swapped": np.array([[1, 0, 0], [0, 0, 1], [0, 1, 0]], dtype=np.float64),
@@ -105,7 +99,7 @@ def _changes(sample: Array, conversion: MapConversion | None, count: Count) -> t
     for after, back in frames:
         for unit, factor in UNITS.items():
             text = f"it seems to be in {unit}: times {factor:.4g}{after} it would be where the model is"
-            tried.append((text, count(back(sample * factor))))
+            tried.append((text + coordinates.how_to_say(unit), count(back(sample * factor))))
         for swap, M in SWAPS.items():
             text = f"it seems to have {swap}: turned{after} it would be where the model is"
             tried.append((text, count(back(sample @ M.T))))

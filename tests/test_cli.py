@@ -152,9 +152,9 @@ def test_json_on_stdout_is_nothing_but_json(folder, stdout):
 import atexit, ctypes, os, sys
 import linear_ik.readers
 real = linear_ik.readers.read_scan
-def read_scan(*paths):
+def read_scan(*paths, **more):
     print("from Python"); os.write(1, b"from the kernel\\n"); ctypes.CDLL(None).printf(b"from C\\n")
-    return real(*paths)
+    return real(*paths, **more)
 linear_ik.readers.read_scan = read_scan
 from linear_ik.cli import main
 main()

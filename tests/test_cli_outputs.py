@@ -14,7 +14,7 @@ __all__ = ["folder"]
 
 @pytest.mark.parametrize("more", [["--urdf"], ["--glb"]])
 def test_outputs_are_checked_before_the_work(folder, tmp_path, capsys, monkeypatch, more):
-    monkeypatch.setattr("linear_ik.readers.read_scan", lambda *_: pytest.fail("worked before it checked"))
+    monkeypatch.setattr("linear_ik.readers.read_scan", lambda *_, **__: pytest.fail("worked before it checked"))
     (tmp_path / "file").write_text("mine")
     (tmp_path / "folder").mkdir()
     (tmp_path / "link.json").symlink_to(folder / "scan.ply")

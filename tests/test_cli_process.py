@@ -21,7 +21,7 @@ import signal, sys, time
 # A shell that runs the tests in the background has it ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
 import linear_ik.readers
-def read_scan(*paths):
+def read_scan(*paths, **more):
     print("ready", file=sys.stderr, flush=True); time.sleep(60)
 linear_ik.readers.read_scan = read_scan
 from linear_ik.cli import main
@@ -49,7 +49,7 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(folder, tmp_path):
 
 
 def test_ctrl_c_inside_a_compiled_module_is_still_ctrl_c(folder, tmp_path, monkeypatch, capsys):
-    def read_scan(*paths):
+    def read_scan(*paths, **more):
         try:
             raise KeyboardInterrupt
         except KeyboardInterrupt as interrupt:
@@ -61,7 +61,7 @@ def test_ctrl_c_inside_a_compiled_module_is_still_ctrl_c(folder, tmp_path, monke
 
 
 def test_an_unexpected_error_is_one_line(folder, tmp_path, monkeypatch, capsys):
-    def broken(*paths):
+    def broken(*paths, **more):
         raise ZeroDivisionError("two\nlines")
 
     monkeypatch.setattr("linear_ik.readers.read_scan", broken)
@@ -76,7 +76,7 @@ def test_an_unexpected_error_is_one_line(folder, tmp_path, monkeypatch, capsys):
 
 
 def test_a_missing_system_library_is_named_with_the_line_to_type(folder, tmp_path, monkeypatch, capsys):
-    def bare(*paths):
+    def bare(*paths, **more):
         raise ImportError("libusb-1.0.so.0: cannot open shared object file: No such file or directory")
 
     monkeypatch.setattr("linear_ik.readers.read_scan", bare)

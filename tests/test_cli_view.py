@@ -52,6 +52,26 @@ def test_view_tells_files_apart(folder, tmp_path, capsys):
         assert said in err and err.count("\n") == 1
 
 
+@pytest.mark.parametrize(
+    ("old", "new", "said"),
+    [
+        ("name: beam", "name: girder", "name: 'beam', not 'girder'"),
+        ("length: 2.5", "length: 2.6", "length: 2.5, not 2.6"),
+        ("x_dim: 0.1", "x_dim: 0.2", "profile"),
+        ("5400000.0", "5400001.0", "placement"),
+    ],
+)
+def test_a_result_of_another_element_is_not_shown_with_this_one(folder, tmp_path, capsys, old, new, said):
+    text = (folder / "beam.yaml").read_text()
+    assert old in text
+    (tmp_path / "other.yaml").write_text(text.replace(old, new))
+    words = ["view", f"{tmp_path}/other.yaml", f"{folder}/result.json", "--html", f"{tmp_path}/p.html"]
+    assert main(words) == 2
+    err = capsys.readouterr().err
+    assert err.startswith(f"error: {folder}/result.json: is of another element: {said}") and err.count("\n") == 1
+    assert not (tmp_path / "p.html").exists()
+
+
 def serving(folder):
     """A process that serves the element, and the page's address."""
     command = [sys.executable, "-m", "linear_ik", "view", str(folder / "beam.yaml")]

@@ -152,3 +152,22 @@ def test_impossible_tolerances_are_refused_by_name(values: dict, named: str) -> 
     with pytest.raises(ElementError) as caught:
         PlacementTolerance(**values)
     assert caught.value.subject == named
+
+
+@pytest.mark.parametrize(
+    ("given", "said"),
+    [
+        ({"start": "fixed"}, ["placement_tolerance"]),
+        ({"start": "pinned"}, ["placement_tolerance"]),
+        ({"start": "roller"}, ["rotation_deg"]),
+        ({"start": "free"}, []),
+        ({"start": "free", "end_tolerance_m": 0.001}, ["end_tolerance_m"]),
+        ({"start": "free", "end_tolerance_m": 0.001, "end": "pinned"}, []),
+    ],
+)
+def test_tolerances_without_effect_are_named(given, said):
+    element = Element("e", Rectangle(0.1, 0.3), 2.5, placement_tolerance=PlacementTolerance(0.1, 1.0), **given)
+    assert len(element.without_effect) == len(said)
+    assert all(word in sentence for word, sentence in zip(said, element.without_effect, strict=True))
+    usual = {key: value for key, value in given.items() if key in ("start", "end")}
+    assert Element("e", Rectangle(0.1, 0.3), 2.5, **usual).without_effect == ()

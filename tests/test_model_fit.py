@@ -21,10 +21,10 @@ from linear_ik.fit import not_scanned
 from linear_ik.model_fit import ModelFitOptions, fit_model
 from linear_ik.model_fit.fits import Row
 from linear_ik.model_fit.folder import RunFolder, file_stems, light
-from linear_ik.model_fit.options import check_rigid
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import line
 from linear_ik.profile import Circle, Rectangle
+from linear_ik.rigid import check_rigid
 from linear_ik.scan import Scan
 
 HERE = {"workers": 0}
@@ -316,7 +316,7 @@ def test_a_scan_in_the_maps_coordinates(built, tmp_path):
 @pytest.mark.parametrize(
     ("change", "hint"),
     [
-        (1000.0, ": the scan seems to be in millimetres"),
+        (1000.0, ": the scan seems to be in millimetres (--scan-unit mm)"),
         (1.0, ", though the scan is about where the design is (linear-ik align lays it on)"),
         (None, ": the scan and the design are 860.7 m apart (--transform; see linear-ik align)"),
     ],

@@ -1,5 +1,6 @@
 import json
 import math
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,6 +13,7 @@ from linear_ik.exports.result_json import (
     result_from_mapping,
     result_to_json,
     result_to_mapping,
+    with_short_history,
     write_result,
 )
 from linear_ik.profile import IShape
@@ -233,3 +235,25 @@ def test_missing_file_and_folder(tmp_path):
     for path in (tmp_path / "none.json", tmp_path):
         with pytest.raises(ResultError, match="cannot be read"):
             read_result(path)
+
+
+def test_a_short_history_says_the_same_in_half_the_text():
+    result = make_result()
+    rng = np.random.default_rng(0)
+    long = [
+        replace(record, q=rng.normal(size=len(record.q)) * 0.1, step_rad=0.123456789 / i, iteration=i)
+        for i, record in enumerate(list(result.history) * 40, 1)
+    ]
+    result = replace(result, history=tuple(long))
+    short = with_short_history(result)
+    assert [(r.iteration, r.phase, r.points) for r in short.history] == [(r.iteration, r.phase, r.points) for r in long]
+    for one, other in zip(short.history, long, strict=True):
+        np.testing.assert_allclose(one.q, other.q, rtol=0, atol=5.1e-6)
+        np.testing.assert_allclose(one.base_pose, other.base_pose, rtol=0, atol=5.1e-6)
+        assert one.step_rad == pytest.approx(other.step_rad, rel=1e-3)
+    sizes = [len(json.dumps(result_to_mapping(r)["history"])) for r in (short, result)]
+    assert sizes[0] < 0.7 * sizes[1]
+    # All but the history is exact, and shortening twice is shortening once.
+    whole, shortened = (result_to_mapping(r) for r in (result, short))
+    assert {k: v for k, v in whole.items() if k != "history"} == {k: v for k, v in shortened.items() if k != "history"}
+    assert result_to_json(with_short_history(short)) == result_to_json(short)

@@ -242,3 +242,13 @@ def test_what_the_scan_does_not_show_is_named():
     middle = linear_ik.fit(beam, Scan(whole[(whole[:, 2] > 0.6) & (whole[:, 2] < 1.9)]))
     assert "the place along the axis" in middle.unobservable
     assert middle.status != "converged"
+
+
+def test_a_tolerance_without_effect_is_said_whatever_the_status():
+    element = member("rectangle", placement_tolerance=linear_ik.PlacementTolerance(0.01, 2.0), end_tolerance_m=0.01)
+    found = linear_ik.fit(element, linear_ik.simulate(element, points=2000, seed=1))
+    assert found.status == "converged"
+    assert [reason.split()[0] for reason in found.reasons] == ["placement_tolerance", "end_tolerance_m"]
+    away = linear_ik.fit(element, linear_ik.Scan(np.random.default_rng(0).uniform(90, 99, (500, 3))))
+    assert away.status == "not_scanned"
+    assert away.reasons[-2:] == found.reasons

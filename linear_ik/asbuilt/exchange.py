@@ -23,6 +23,8 @@ SOLID_KINDS = (
 OPENINGS = "Openings stay where they were designed."
 CUTS = "Cuts at the ends, holes and copes of the designed body are not in the as-built one."
 LAYERS = ("IfcPresentationLayerAssignment", "IfcPresentationLayerWithStyle")
+# One style and a layer or two may be about an item: what is used more often is used by others.
+MOST_ABOUT = 16
 # What a representation consists of, and so may go with it.
 OWN = ("IfcRepresentationItem", "IfcProfileDef", "IfcRepresentationMap", "IfcShapeRepresentation")
 
@@ -164,8 +166,11 @@ class Exchange:
             if identifier in removed:
                 continue
             # What only describes it goes with it: removal takes it out of a layer's list.
-            about = [i for i in model.get_inverse(entity) if i.is_a() in ("IfcStyledItem", *LAYERS)]
-            if model.get_total_inverses(entity) > len(about):
+            uses = model.get_total_inverses(entity)
+            if uses > MOST_ABOUT:
+                continue
+            about = [i for i in model.get_inverse(entity) if i.is_a() in ("IfcStyledItem", *LAYERS)] if uses else []
+            if uses > len(about):
                 continue
             for described in about:
                 if described.is_a("IfcStyledItem"):

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option
+from linear_ik.cli.arguments import file_argument, file_option, unit_option
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
@@ -47,6 +47,7 @@ def align(
     levelled: Annotated[
         bool, typer.Option("--levelled/--any-tilt", help="The scanner was levelled; else any rotation is searched.")
     ] = True,
+    scan_unit: Annotated[str, unit_option()] = "m",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
 ) -> Outcome:
     """Read, align, write, and say what was found."""
@@ -74,6 +75,7 @@ def align(
                 near=guess,
                 levelled=levelled,
                 on_step=lambda what, share: progress.update(f"{what}: {100 * share:.0f} %"),
+                unit=scan_unit,
             )
         except SettingsError as error:
             raise about_options(error) from None

@@ -16,6 +16,22 @@ def file_argument(metavar: str, about: str) -> Any:
     return typer.Argument(metavar=metavar, help=about, readable=False)
 
 
+def unit_option(about: str = "Of the files' numbers; they become metres.") -> Any:
+    """Return the unit of scan files."""
+    return typer.Option("--scan-unit", metavar="m|mm|cm|in|ft|us-ft", help=about, callback=_known_unit)
+
+
+def _known_unit(unit: str | None) -> str | None:
+    from linear_ik.coordinates import metres_of
+    from linear_ik.errors import SettingsError
+
+    try:
+        metres_of(unit or "m")
+    except SettingsError as error:
+        raise error.about("--scan-unit") from None
+    return unit
+
+
 def file_option(*names: str, metavar: str, about: str) -> Any:
     """Return a file behind an option."""
     return typer.Option(*names, metavar=metavar, help=about, readable=False)

@@ -7,7 +7,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument
+from linear_ik.cli.arguments import file_argument, unit_option
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
 
@@ -45,6 +45,7 @@ def check(
     obstacles: Annotated[
         bool, typer.Option("--obstacles/--no-obstacles", help="Read the other bodies too; takes longer.")
     ] = False,
+    scan_unit: Annotated[str, unit_option()] = "m",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
 ) -> Outcome:
     """Read the design, compare the scans, print."""
@@ -73,7 +74,7 @@ def check(
     lines = design_lines(model)
     if not paths:
         return Outcome(text=to_json(model, [], None) if as_json else _text(lines))
-    site, checks = _check_scans(model, paths, progress)
+    site, checks = _check_scans(model, paths, progress, scan_unit)
     coverage = site.coverage(checks)
     for one in checks:
         lines += scan_lines(one)
@@ -82,7 +83,9 @@ def check(
     return Outcome(0 if covered else NOT_SCANNED, to_json(model, checks, coverage) if as_json else _text(lines))
 
 
-def _check_scans(model: DesignModel, paths: list[Path], progress: Progress) -> tuple[SiteCheck, list[ScanCheck]]:
+def _check_scans(
+    model: DesignModel, paths: list[Path], progress: Progress, unit: str
+) -> tuple[SiteCheck, list[ScanCheck]]:
     from linear_ik.readers import iter_scan
     from linear_ik.site_check import SiteCheck
 
@@ -95,7 +98,7 @@ def _check_scans(model: DesignModel, paths: list[Path], progress: Progress) -> t
             def points_done(done: int, path: Path = path) -> None:
                 progress.update(f"comparing {path}: {done:,} points")
 
-            checks.append(site.scan(path.name, lambda path=path: iter_scan(path), points_done))  # type: ignore[misc]
+            checks.append(site.scan(path.name, lambda path=path: iter_scan(path, unit=unit), points_done))  # type: ignore[misc]
     return site, checks
 
 

@@ -9,7 +9,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option
+from linear_ik.cli.arguments import file_argument, file_option, unit_option
 from linear_ik.cli.judging import (
     describe_verdicts,
     judge,
@@ -98,6 +98,7 @@ def fit(
     precamber: Annotated[float | None, precamber_option()] = None,
     supports: Annotated[str | None, supports_option()] = None,
     material: Annotated[str | None, material_option()] = None,
+    scan_unit: Annotated[str, unit_option()] = "m",
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
     only: Annotated[
         str | None, typer.Option("--only", metavar="GUID,...", help=FOR_MODELS + "fit these elements.")
@@ -126,6 +127,9 @@ def fit(
     legend: Annotated[
         float | None, typer.Option("--legend", metavar="METRES", help="Deviation at the ends of the colours; 0.02.")
     ] = None,
+    overwrite: Annotated[
+        bool, typer.Option("--overwrite", help="Replace files in the folder that no run of this design wrote.")
+    ] = False,
     workers: Annotated[int | None, typer.Option("--workers", help="Processes; one a core.")] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="tcp://HOST:8786", help="A Dask cluster in place of them.")
@@ -146,6 +150,7 @@ def fit(
         "workers": workers,
         "scheduler": scheduler,
         "map_coordinates": in_map or None,
+        "overwrite": overwrite or None,
     }
     if is_model(element):
         refuse(
@@ -162,6 +167,7 @@ def fit(
             material=material,
         )
         settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
+        for_models["scan_unit"] = scan_unit
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
     to_stdout = is_stdout(output)
@@ -186,7 +192,7 @@ def fit(
     with progress.stage("reading " + ", ".join(str(path) for path in scan), judges_input=True):
         from linear_ik.readers import read_scan
 
-        points = read_scan(*scan)
+        points = read_scan(*scan, unit=scan_unit)
     viewer = _open_viewer(design, points, wait) if view else None
 
     with progress.stage(f"fitting {design.name}"):

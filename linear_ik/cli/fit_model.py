@@ -107,7 +107,7 @@ def read_transform(path: Path, inverse: bool = False) -> npt.NDArray[np.float64]
     """
     import numpy as np
 
-    from linear_ik.model_fit.options import check_rigid
+    from linear_ik.rigid import check_rigid
 
     expected = "4 x 4 numbers: a rotation, a translation in metres, last row 0 0 0 1"
     try:

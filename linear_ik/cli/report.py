@@ -8,7 +8,7 @@ from typing import Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option
+from linear_ik.cli.arguments import file_argument, file_option, unit_option
 from linear_ik.cli.judging import (
     conditions_of_each,
     judged_by,
@@ -43,6 +43,7 @@ def report(
         list[Path] | None,
         file_option("--scan", metavar="SCAN", about="Show its points near the elements; repeatable."),
     ] = None,
+    scan_unit: Annotated[str | None, unit_option("Of the scan files' numbers; of a run's folder, what it was.")] = None,
     tolerances: Annotated[str | None, tolerances_option()] = None,
     loading_state: Annotated[str | None, loading_state_option()] = None,
     precamber: Annotated[float | None, precamber_option()] = None,
@@ -81,7 +82,8 @@ def report(
             from linear_ik.readers import iter_scan
             from linear_ik.report import nearby
 
-            points = nearby(run, (piece for path in scans for piece in iter_scan(path)))
+            unit = scan_unit or run.about.get("options.scan_unit", "m")
+            points = nearby(run, (piece for path in scans for piece in iter_scan(path, unit=unit)))
     with progress.stage("writing the report"):
         write_report(run, target, points, sections or (), lambda i, n: progress.update(f"writing element {i} of {n}"))
     if not quiet:

@@ -10,12 +10,13 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option
+from linear_ik.cli.arguments import file_argument, file_option, unit_option
 from linear_ik.cli.outputs import check_output
 from linear_ik.cli.process import Verb
 from linear_ik.cli.progress import Progress
 
 if TYPE_CHECKING:
+    from linear_ik.element import Element
     from linear_ik.viewer import Viewer
 
 BROWSER_TIMEOUT_S = 10.0
@@ -40,6 +41,7 @@ def view(
         Path | None,
         file_option("--html", metavar="PAGE.html", about="Write one self-contained page, serve nothing."),
     ] = None,
+    scan_unit: Annotated[str, unit_option()] = "m",
     port: Annotated[int | None, typer.Option("--port", min=1, max=65535, help="The first free from 7000 on.")] = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Stay until Enter or Ctrl-C, or end at once.")] = True,
 ) -> None:
@@ -61,11 +63,13 @@ def view(
 
         result = read_result(kinds["result"][0]) if kinds["result"] else None
         element = load_element(kinds["element"][0]) if kinds["element"] else None
+        if result is not None and element is not None:
+            check_same(kinds["result"][0], result.element, kinds["element"][0], element)
         scan = None
         if kinds["scan"]:
             from linear_ik.readers import read_scan
 
-            scan = read_scan(*kinds["scan"])
+            scan = read_scan(*kinds["scan"], unit=scan_unit)
     with progress.stage("drawing"):
         from linear_ik.viewer import Viewer
 
@@ -81,6 +85,18 @@ def view(
             return
     open_browser(viewer, port, wait)
     stay(viewer, wait)
+
+
+def check_same(path: Path, fitted: Element, file: Path, element: Element) -> None:
+    """Raise LinearIkError about a result that is of another element than the one shown with it."""
+    from linear_ik.errors import LinearIkError
+
+    for name in ("name", "profile", "profile_end", "length_m", "placement", "axis_points"):
+        mine, theirs = getattr(fitted, name), getattr(element, name)
+        if mine != theirs:
+            called = name.removesuffix("_m")
+            shown = f": {mine!r}, not {theirs!r}" if isinstance(mine, (str, float)) else ""
+            raise LinearIkError(path, f"is of another element: {called}{shown}", f"a result of {file}")
 
 
 def kind_of(path: Path) -> str:

@@ -10,7 +10,7 @@ import json
 import math
 import os
 from collections.abc import Mapping
-from dataclasses import asdict, fields
+from dataclasses import asdict, fields, replace
 from pathlib import Path
 from typing import Any, get_args
 
@@ -27,6 +27,7 @@ SCHEMA = "linear_ik/result/1"
 PACKAGES = ("linear_ik", "numpy", "open3d", "open3d-cpu", "osqp", "pin", "qpsolvers")
 # 500 segments would take 50 MB, 100 take 2.
 MOST_WITH_COVARIANCE = 100
+POSE_DIGITS = 5
 EXPECTED = f'a result that linear_ik wrote, schema "{SCHEMA}"'
 
 Array = npt.NDArray[np.float64]
@@ -74,11 +75,30 @@ def result_to_json(result: FitResult, extra: Mapping[str, Any] | None = None) ->
     lines = []
     for key, value in {**result_to_mapping(result), **_plain(extra or {})}.items():
         if key in ("segments", "history", "verdicts") and value:
-            rows = ",\n  ".join(_dump(row) for row in value)
+            # Hundreds of iterations: blanks between their numbers are a tenth of a file.
+            rows = ",\n  ".join(_dump(row, tight=key == "history") for row in value)
             lines.append(f"{_dump(key)}: [\n  {rows}\n]")
         else:
             lines.append(f"{_dump(key)}: {_dump(value)}")
     return "{\n" + ",\n".join(lines) + "\n}\n"
+
+
+def with_short_history(result: FitResult) -> FitResult:
+    """Return a result whose history tells what happened in half the text, for files by the thousand.
+
+    How it came about is no result: poses of iterations to 1e-5 rad and metres, figures to four digits.
+    """
+    return replace(result, history=tuple(_shortened(record) for record in result.history))
+
+
+def _shortened(record: IterationRecord) -> IterationRecord:
+    short: dict[str, Any] = {
+        name: float(f"{getattr(record, name):.4g}") for name in ("surface_rmse_m", "scale_m", "damping", "step_rad")
+    }
+    for name in ("q", "base_pose"):
+        # + 0.0: no -0.0, which is longer.
+        short[name] = np.round(getattr(record, name), POSE_DIGITS) + 0.0
+    return replace(record, **short)
 
 
 def write_result(result: FitResult, path: str | os.PathLike[str], extra: Mapping[str, Any] | None = None) -> Path:
@@ -216,8 +236,8 @@ def _kept(result: FitResult) -> Array | None:
     return result.configuration_covariance if result.element.segments <= MOST_WITH_COVARIANCE else None
 
 
-def _dump(value: object) -> str:
-    return json.dumps(value, ensure_ascii=False, allow_nan=False)
+def _dump(value: object, tight: bool = False) -> str:
+    return json.dumps(value, ensure_ascii=False, allow_nan=False, separators=(",", ":") if tight else None)
 
 
 def _plain(value: Any) -> Any:

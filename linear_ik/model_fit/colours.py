@@ -7,7 +7,7 @@ distance to the same face as designed. Points on nothing that was fitted are lef
 from __future__ import annotations
 
 import json
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from contextlib import ExitStack
 from dataclasses import dataclass, field
 from pathlib import Path
@@ -18,7 +18,7 @@ import numpy.typing as npt
 
 from linear_ik.atomic import written_whole
 from linear_ik.exports.coloured_cloud import CloudFile, LazCloud, PlyCloud, colours_of, laz_can_be_written
-from linear_ik.model_fit.fits import Fits, Listener
+from linear_ik.model_fit.fits import Fits, Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.result import FitResult
 from linear_ik.scan import Scan
@@ -49,7 +49,7 @@ class Coloured:
 
 
 def colour_scan(
-    pieces: Callable[[], Iterable[Scan]],
+    pieces: Pieces,
     fits: Fits,
     folder: Path,
     options: ModelFitOptions,
@@ -91,7 +91,9 @@ def colour_scan(
             out.files.append(LAZ)
         else:
             out.notes.append(f'{LAZ} was not written: it needs laspy and lazrs (pip install "linear_ik[scan]")')
-        for read, points, deviation, element in _belonging(pieces(), found, fits.neighbourhoods):
+        for read, points, deviation, element in _belonging(
+            pieces(fits.neighbourhoods.bounds_m), found, fits.neighbourhoods
+        ):
             done += read
             if len(element):
                 colours = colours_of(deviation, options.legend_m)

@@ -32,6 +32,8 @@ from linear_ik.site.spill import Spill
 Array = npt.NDArray[np.float64]
 Listener = Callable[[str, int, int, float], object]
 """Called with the stage, how much of it is done, of how much (0: unknown), and the seconds it may still take (NaN)."""
+Pieces = Callable[[Array], Iterable[Scan]]
+"""Gives the scan in the model's coordinates; what is in none of some boxes [B][2][3] may be left out."""
 
 RIVAL_REACH_M = 0.05
 NAN = float("nan")
@@ -130,7 +132,7 @@ class Fits:
             for m in self.members
         ]
 
-    def prepare(self, pieces: Callable[[], Iterable[Scan]], listener: Listener) -> None:
+    def prepare(self, pieces: Pieces, listener: Listener) -> None:
         """Take over what is known; hand out the scan unless nothing is left to fit."""
         for member in self.members:
             known = self.folder.known(member.guid, "first", self.inputs[member.guid])
@@ -257,7 +259,7 @@ class Fits:
         inputs = self._contest_inputs()
         return not all(self.folder.has(self.members[i].guid, "final", fp) for i, fp in inputs.items())
 
-    def _hand_out(self, pieces: Callable[[], Iterable[Scan]], listener: Listener) -> None:
+    def _hand_out(self, pieces: Pieces, listener: Listener) -> None:
         """Hand out the scan, unless an earlier run came to the end of that."""
         note = self.folder.scratch / "complete.json"
         memory = int(self.options.memory_mb * 2**20 / 2)
@@ -267,9 +269,8 @@ class Fits:
             done = {}
         if done.get("inputs") != self._handout_inputs:
             spill = Spill(self.folder.new_scratch(), len(self.members), self.options.max_points, memory)
-            extent = hand_out(
-                pieces(), self.neighbourhoods, spill, lambda points: listener("handing out points", points, 0, NAN)
-            )
+            near, hoods = pieces(self.neighbourhoods.bounds_m), self.neighbourhoods
+            extent = hand_out(near, hoods, spill, lambda points: listener("handing out points", points, 0, NAN))
             done = {
                 "inputs": self._handout_inputs,
                 "received": spill.received.tolist(),

@@ -20,7 +20,7 @@ from typing import Any, TextIO
 
 from linear_ik.atomic import write_atomically
 from linear_ik.errors import LinearIkError, OutputError
-from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, read_result, write_result
+from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, read_result, with_short_history, write_result
 from linear_ik.result import FitResult
 
 SAFE = re.compile(r"[0-9A-Za-z_$-]{1,64}\Z")
@@ -187,7 +187,7 @@ class RunFolder:
         elif stage == "first":
             self._first_path(guid).unlink(missing_ok=True)
             records = {}
-        write_result(result, path, {"guid": guid})
+        write_result(with_short_history(result), path, {"guid": guid})
         self._other_path(guid).unlink(missing_ok=True)
         records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
         write_atomically(self._state_path(guid), json.dumps(records) + "\n")
@@ -275,7 +275,7 @@ def light(result: FitResult) -> FitResult:
     Of the history the last record stays; of the covariance what the file holds.
     """
     joint = result.configuration_covariance if result.element.segments <= MOST_WITH_COVARIANCE else None
-    return replace(result, history=result.history[-1:], configuration_covariance=joint)
+    return with_short_history(replace(result, history=result.history[-1:], configuration_covariance=joint))
 
 
 def _sha256(path: Path) -> str:

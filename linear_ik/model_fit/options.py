@@ -9,8 +9,10 @@ from numbers import Integral, Real
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.coordinates import metres_of
 from linear_ik.element import MOST_SEGMENTS
 from linear_ik.errors import SettingsError
+from linear_ik.rigid import check_rigid
 
 Array = npt.NDArray[np.float64]
 
@@ -29,10 +31,12 @@ class ModelFitOptions:
         segments: of every element, in place of the design's.
         only: GlobalIds; all when empty.
         classes: such as IfcBeam; all when empty.
-        T_model_scan: [4][4] takes the scan into the model's coordinates; None where it is in them.
+        scan_unit: of the files' numbers: m, mm, cm, in, ft or us-ft.
+        T_model_scan: [4][4] takes the scan, in metres, into the model's coordinates; None where it is in them.
         map_coordinates: the scan is in the map's coordinates of the design's map conversion.
         legend_m: deviation at either end of the colours.
         contest: whether neighbours compete for points.
+        overwrite: replace files in the folder that no run of this design wrote.
 
     Raises:
         SettingsError: a value out of its range, named.
@@ -46,10 +50,12 @@ class ModelFitOptions:
     segments: int | None = None
     only: Sequence[str] = ()
     classes: Sequence[str] = ()
+    scan_unit: str = "m"
     T_model_scan: Array | None = None
     map_coordinates: bool = False
     legend_m: float = 0.02
     contest: bool = True
+    overwrite: bool = False
 
     def __post_init__(self) -> None:
         """Check every field."""
@@ -68,27 +74,11 @@ class ModelFitOptions:
             if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:  # type: ignore[operator]
                 what = "a whole number" if whole else "a number"
                 raise SettingsError(name, f"{value!r}", f"{what} from {low:g} to {high:g}")
+        try:
+            metres_of(self.scan_unit)
+        except SettingsError as error:
+            raise error.about("scan_unit") from None
         if self.T_model_scan is not None:
             object.__setattr__(self, "T_model_scan", check_rigid("T_model_scan", self.T_model_scan))
             if self.map_coordinates:
                 raise SettingsError("map_coordinates", "given together with T_model_scan", "one of the two")
-
-
-def check_rigid(name: str, value: object) -> Array:
-    """Return a rigid motion [4][4], or raise SettingsError saying what is wrong with it."""
-    expected = "4 x 4 numbers: a rotation, a translation in metres, last row 0 0 0 1"
-    try:
-        T = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise SettingsError(name, "not numbers", expected) from None
-    if T.shape != (4, 4) or not np.isfinite(T).all():
-        raise SettingsError(name, f"shape {T.shape}, or a number that is not finite", expected)
-    R = T[:3, :3]
-    if not np.allclose(T[3], [0, 0, 0, 1], atol=1e-9):
-        raise SettingsError(name, f"last row {T[3].tolist()}", expected)
-    # Six digits are what programs print.
-    if np.abs(R @ R.T - np.eye(3)).max() > 1e-4 or np.linalg.det(R) < 0:
-        raise SettingsError(name, "its 3 x 3 part is no rotation", expected)
-    u, _, vt = np.linalg.svd(R)
-    T[:3, :3] = u @ vt
-    return T

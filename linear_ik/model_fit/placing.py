@@ -5,7 +5,7 @@ from __future__ import annotations
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.coordinates import UNITS
+from linear_ik.coordinates import UNITS, how_to_say
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import SettingsError
 from linear_ik.model_fit.options import ModelFitOptions
@@ -48,7 +48,7 @@ def why_nothing(model: DesignModel, scan_box_m: Array) -> str:
         for unit, factor in UNITS.items():
             scaled = scan_box_m * factor
             if _alike(scaled, design) and _apart_m(scaled, design) < NEAR_M:
-                return f"no point is near an element: the scan seems to be in {unit}"
+                return f"no point is near an element: the scan seems to be in {unit}{how_to_say(unit)}"
     if apart_m < NEAR_M:
         return "no point is near an element, though the scan is about where the design is (linear-ik align lays it on)"
     far = f"{apart_m / 1000:.0f} km" if apart_m >= 10_000 else f"{apart_m:.1f} m"

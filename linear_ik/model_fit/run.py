@@ -6,20 +6,22 @@ import json
 import os
 import time
 from collections import Counter
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Iterator, Sequence
 from dataclasses import asdict, dataclass
 from pathlib import Path
 
 import numpy as np
+import numpy.typing as npt
 
 from linear_ik.atomic import same_file, write_atomically
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
-from linear_ik.model_fit.fits import Fits, Listener, Row
+from linear_ik.model_fit.fits import Fits, Listener, Pieces, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.options import ModelFitOptions
+from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
@@ -27,10 +29,12 @@ from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
-from linear_ik.site.handout import moved
+from linear_ik.site.handout import boxes_back, moved
 
-SCHEMA = "linear_ik/run/1"
-ASBUILT, TABLE, REPORT = "asbuilt.ifc", "elements.csv", "run.json"
+Array = npt.NDArray[np.float64]
+
+ASBUILT, TABLE = "asbuilt.ifc", "elements.csv"
+OUTPUTS = (ASBUILT, PLY, LAZ, TABLE, REPORT)
 BYTES_A_POINT = 400  # while a piece of the scan is handed out
 
 
@@ -83,7 +87,7 @@ def fit_model(
         on_progress: called with each step, see `Listener`.
 
     Raises:
-        LinearIkError: bad input; nothing was written then.
+        LinearIkError: bad input, or files in the folder that no run of this design wrote; nothing was written then.
     """
     settings, options = settings or FitSettings(), options or ModelFitOptions()
     listener = on_progress or (lambda *_: None)
@@ -92,12 +96,15 @@ def fit_model(
     if not paths:
         raise LinearIkError("scan", "no files", "at least one")
 
-    def pieces() -> Iterator[Scan]:
+    def pieces(near: Array) -> Iterator[Scan]:
+        within = boxes_back(near, T)
         for path in paths:
-            yield from moved(iter_scan(path, chunk), T)
+            yield from moved(iter_scan(path, chunk, within, options.scan_unit), T)
 
     design_path = None if isinstance(design, DesignModel) else Path(design)
     _keep_inputs(Path(output_folder), paths if design_path is None else [design_path, *paths])
+    source = design.source if isinstance(design, DesignModel) else Path(design).name
+    check_ours(Path(output_folder), source, OUTPUTS, options.overwrite)
     for path in paths:
         iter_scan(path, chunk)  # says at once what can be seen from outside
     listener("reading the design", 0, 0, float("nan"))
@@ -109,8 +116,9 @@ def fit_model(
     clock = _Clock()
     try:
         folder.make()
-        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths), T)
+        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
         _hand_out(fits, folder, pieces, listener)
+        note_design(folder.path, model.source)
         fits.take_over()
         clock.lap("hand_out")
         fits.first(pool, listener)
@@ -140,7 +148,7 @@ def _keep_inputs(folder: Path, inputs: Sequence[Path]) -> None:
     Raises:
         OutputError: it is one.
     """
-    for name in (ASBUILT, PLY, LAZ, TABLE, REPORT):
+    for name in OUTPUTS:
         if any(same_file(folder / name, path) for path in inputs):
             raise OutputError(folder / name, "is one of the files that are read", "another folder")
 
@@ -158,7 +166,7 @@ class _Clock:
         return {**self._laps, "total": time.perf_counter() - self._began}
 
 
-def _hand_out(fits: Fits, folder: RunFolder, pieces: Callable[[], Iterator[Scan]], listener: Listener) -> None:
+def _hand_out(fits: Fits, folder: RunFolder, pieces: Pieces, listener: Listener) -> None:
     """Take over what is known and hand out the scan; leave nothing behind where that comes to no good."""
     try:
         fits.prepare(pieces, listener)
@@ -171,7 +179,7 @@ def _hand_out(fits: Fits, folder: RunFolder, pieces: Callable[[], Iterator[Scan]
 
 
 def _write(
-    fits: Fits, model: DesignModel, design: Path | None, pieces: Callable[[], Iterator[Scan]], listener: Listener
+    fits: Fits, model: DesignModel, design: Path | None, pieces: Pieces, listener: Listener
 ) -> tuple[ModelFit, dict[str, object]]:
     """Write the files that are about all elements; return what was found, and what run.json says of it."""
     folder, options, rows = fits.folder.path, fits.options, fits.rows
@@ -200,7 +208,9 @@ def _write(
         "left_out": [asdict(left) for left in model.left_out],
         "notes": notes,
         "settings": asdict(fits.settings),
-        "options": {k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler")},
+        "options": {
+            k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler", "overwrite")
+        },
         "deviation": coloured.legend,
         "scan_points": fits.extent,
         "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": fits.fitted_now},
@@ -221,12 +231,12 @@ def make_pool(options: ModelFitOptions, elements: int) -> Pool:
     return Processes(max(1, min(options.workers or cores, elements)))
 
 
-def scan_inputs(paths: Sequence[Path]) -> list[list[object]]:
-    """Return what tells whether scan files are still the same: place, size and time of change."""
+def scan_inputs(paths: Sequence[Path], unit: str) -> list[list[object]]:
+    """Return what tells whether scan files are still the same: place, size, time of change and unit."""
     out: list[list[object]] = []
     for path in paths:
         stat = path.stat()
-        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns])
+        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit])
     return out
 
 

@@ -22,11 +22,13 @@ class Chunk:
         points: [P][3] metres, in the file's global coordinates; rows that are not finite are no points.
         normals: [P][3] of any length, or None.
         station: [3] metres, where the scanner stood, or None when the file doesn't say.
+        unit: one of SCAN_UNITS that the file itself names for its numbers, or empty.
     """
 
     points: Array
     normals: Array | None = None
     station: Array | None = None
+    unit: str = ""
 
 
 Reader = Callable[[Path, int], Iterator[Chunk]]

@@ -1,4 +1,4 @@
-"""LAS and LAZ, by laspy and lazrs.
+"""LAS and LAZ, by laspy and lazrs; COPC by bounds.
 
 laspy reads as many header records as the file claims, for hours if need be: their number is
 checked here first, and what lazrs will allocate in laz_chunks. No LAS file says where a
@@ -18,7 +18,8 @@ from typing import Any
 import numpy as np
 
 from linear_ik.errors import ScanError
-from linear_ik.readers.chunk import Chunk, check_end, check_room
+from linear_ik.readers import copc
+from linear_ik.readers.chunk import Array, Chunk, check_end, check_room
 from linear_ik.readers.laz_chunks import check_chunks
 
 SMALLEST_HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375, 5: 393}
@@ -44,8 +45,14 @@ class Header:
     point_bytes: int
 
 
-def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
+def read(path: Path, chunk_points: int, within: Array | None = None) -> Iterator[Chunk]:
     """Yield the points.
+
+    Args:
+        path: the file.
+        chunk_points: most points of a chunk.
+        within: [B][2][3] least and largest x, y and z of boxes in the file's coordinates, or None. Of a COPC
+            file points elsewhere are left out, but for a few that show where it is; another one is read whole.
 
     Raises:
         ScanError: no LAS, damaged or incomplete data, or laspy isn't installed.
@@ -63,9 +70,16 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
                 raise ScanError(path, f"scales {scales} and offsets {offsets}", "finite scales, not 0")
             if file.header.are_points_compressed:
                 record = file.header.vlrs[file.header.vlrs.index("LasZipVlr")].record_data
-                largest_chunk = check_chunks(path, _needed(path, "lazrs"), record, header.start, header.points)
+                chunks = check_chunks(path, _needed(path, "lazrs"), record, header.start, header.points)
                 # The parallel reader allocates whole chunks, whatever is asked for.
-                parallel = largest_chunk <= PARALLEL_CHUNK_POINTS
+                parallel = all(most <= PARALLEL_CHUNK_POINTS for most, _ in chunks)
+                octree = None if within is None else copc.info_of(file.header)
+                if within is not None and octree is not None:
+                    slack = float(np.abs(scales).max())
+                    runs = copc.runs_within(path, octree, header.start, chunks, within, slack, chunk_points)
+                    for points in _decompressed(path, file.header, record, runs, fields):
+                        yield Chunk(np.column_stack([points.x, points.y, points.z]))
+                    return
                 file.laz_backend = laspy.LazBackend.LazrsParallel if parallel else laspy.LazBackend.Lazrs
             else:
                 check_room(path, header.points, header.point_bytes, header.end - header.start)
@@ -83,6 +97,24 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
         raise
     if count != header.points:
         raise ScanError(path, f"ends after {count} of {header.points} points", WHOLE)
+
+
+def _decompressed(path: Path, header: Any, record: bytes, runs: list[copc.Run], fields: Any) -> Iterator[Any]:
+    """Yield the points of runs of chunks as laspy's records.
+
+    laspy's own query holds all points of a box at once, and goes round for ever where a page of
+    the octree leads to itself; a seek of lazrs 0.8 is wrong where chunks differ in length.
+    """
+    import laspy
+    import lazrs
+
+    with path.open("rb") as file:
+        for run in runs:
+            file.seek(run.offset)
+            out = np.zeros(run.points * header.point_format.size, dtype=np.uint8)
+            lazrs.decompress_points_with_chunk_table(file.read(run.bytes), record, out, run.chunks, fields.to_lazrs())
+            raw = laspy.PackedPointRecord.from_buffer(out, header.point_format)
+            yield laspy.ScaleAwarePointRecord(raw.array, raw.point_format, header.scales, header.offsets)
 
 
 def read_header(path: Path) -> Header:

@@ -23,8 +23,8 @@ POINT14, RGB14, RGBNIR14, WAVEPACKET14, BYTE14 = range(10, 15)
 LAYERS = {POINT14: 9, RGB14: 1, RGBNIR14: 2, WAVEPACKET14: 1}
 
 
-def check_chunks(path: Path, lazrs: Any, record: bytes, start: int, points: int) -> int:
-    """Check that everything the chunks ask for is in the file; return the most points that one can hold.
+def check_chunks(path: Path, lazrs: Any, record: bytes, start: int, points: int) -> list[tuple[int, int]]:
+    """Check that everything the chunks ask for is in the file; return the most points and the bytes of each.
 
     Args:
         path: the file.
@@ -38,7 +38,7 @@ def check_chunks(path: Path, lazrs: Any, record: bytes, start: int, points: int)
             number of points than ``points``.
     """
     if not points:
-        return 0
+        return []
     vlr = lazrs.LazVlr(record)
     with path.open("rb") as file:
         table = _table(path, file, start)
@@ -54,7 +54,7 @@ def check_chunks(path: Path, lazrs: Any, record: bytes, start: int, points: int)
     if not least <= points <= most:
         held = f"{least}" if least == most else f"{least} to {most}"
         raise ScanError(path, f"the header says {points} points, the chunks hold {held}", WHOLE)
-    return max(count for count, _ in chunks)
+    return chunks
 
 
 def _table(path: Path, file: BinaryIO, start: int) -> int:

@@ -10,10 +10,12 @@ import difflib
 import os
 import stat
 from collections.abc import Iterator
+from functools import partial
 from pathlib import Path
 
 import numpy as np
 
+from linear_ik.coordinates import metres_of
 from linear_ik.errors import ScanError, SettingsError
 from linear_ik.readers import e57, las, pcd, ply, ptx, xyz
 from linear_ik.readers.chunk import Array, Chunk, Reader
@@ -32,6 +34,8 @@ READERS: dict[str, Reader] = {
     ".txt": xyz.read,
     ".xyz": xyz.read,
 }
+# Readers that can leave out what is not wanted.
+BY_BOUNDS = {".las": las.read, ".laz": las.read}
 CHUNK_POINTS = 250_000
 # How files of these formats begin, to name a file that has the wrong extension.
 BEGINNINGS = {
@@ -46,23 +50,27 @@ BEGINNINGS = {
 }
 
 
-def read_scan(*paths: str | os.PathLike[str]) -> Scan:
+def read_scan(*paths: str | os.PathLike[str], unit: str = "m") -> Scan:
     """Read one or more files as one scan.
 
     Args:
         paths: PLY, PCD, XYZ/TXT/CSV/ASC, PTS, PTX, LAS/LAZ or E57, told apart by extension.
+        unit: of the files' numbers: m, mm, cm, in, ft or us-ft; what is returned is in metres.
 
     Returns:
         All finite points in metres, in the files' global coordinates; stations where every file
         has them, normals likewise.
 
     Raises:
-        ScanError: about the file that is missing, unknown, damaged or without points.
+        ScanError: about the file that is missing, unknown, damaged, without points or in another unit, as it says.
+        SettingsError: another ``unit``.
     """
-    return merge(part for path in paths for part in iter_scan(path))
+    return merge(part for path in paths for part in iter_scan(path, unit=unit))
 
 
-def iter_scan(path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS) -> Iterator[Scan]:
+def iter_scan(
+    path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS, within: Array | None = None, unit: str = "m"
+) -> Iterator[Scan]:
     """Read a file piece by piece, in file order; memory depends on ``chunk_points`` alone.
 
     (Of a binary_compressed PCD the body is decompressed as a whole.) A piece comes from one
@@ -71,15 +79,22 @@ def iter_scan(path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS) ->
     Args:
         path: as for read_scan.
         chunk_points: most points of a piece.
+        within: [B][2][3] least and largest x, y and z of boxes, metres. Points in none of them may be left out, and
+            are where the file says what of it is where (COPC); some that show where the scan is stay.
+        unit: as for read_scan.
 
     Raises:
         ScanError: at once for what can be seen from outside, later for what turns up inside.
-        SettingsError: ``chunk_points`` below 1.
+        SettingsError: ``chunk_points`` below 1, another ``unit``.
     """
     if chunk_points < 1:
         raise SettingsError("chunk_points", str(chunk_points), "at least 1")
+    metres_of(unit)
     path = Path(path)
-    return _scans(path, _reader(path), chunk_points)
+    reader = _reader(path)
+    if within is not None and path.suffix.lower() in BY_BOUNDS:
+        reader = partial(BY_BOUNDS[path.suffix.lower()], within=within / metres_of(unit))
+    return _scans(path, reader, chunk_points, unit)
 
 
 def _reader(path: Path) -> Reader:
@@ -121,12 +136,16 @@ def _near(path: Path) -> str:
     return f"{names[0]}?" if names else "an existing file"
 
 
-def _scans(path: Path, reader: Reader, chunk_points: int) -> Iterator[Scan]:
+def _scans(path: Path, reader: Reader, chunk_points: int, unit: str) -> Iterator[Scan]:
     any_points = False
     try:
         for chunk in reader(path, chunk_points):
+            if chunk.unit and chunk.unit != unit:
+                meant = "" if unit == "m" else f", not {unit}"
+                what = "it says that it is not in metres" if unit == "m" else "it says that it is in another unit"
+                raise ScanError(path, f"{what}: its columns are in {chunk.unit}{meant}", f"--scan-unit {chunk.unit}")
             for first in range(0, len(chunk.points), chunk_points):
-                scan = _scan(chunk, slice(first, first + chunk_points))
+                scan = _scan(chunk, slice(first, first + chunk_points), metres_of(unit))
                 if scan is not None:
                     any_points = True
                     yield scan
@@ -138,18 +157,19 @@ def _scans(path: Path, reader: Reader, chunk_points: int) -> Iterator[Scan]:
         raise ScanError(path, "no point with finite coordinates", "at least one")
 
 
-def _scan(chunk: Chunk, rows: slice) -> Scan | None:
-    """Return the finite points of some rows, or None when there are none."""
+def _scan(chunk: Chunk, rows: slice, unit_m: float) -> Scan | None:
+    """Return the finite points of some rows in metres, or None when there are none."""
     points = chunk.points[rows]
     keep = np.isfinite(points).all(axis=1)
     if not keep.any():
         return None
-    points = points[keep]
+    # Times one is left out: it would cost a copy.
+    points = points[keep] if unit_m == 1.0 else points[keep] * unit_m
     has_station = chunk.station is not None
     return Scan(
         points=points,
         normals=None if chunk.normals is None else _unit(chunk.normals[rows][keep]),
-        stations=None if chunk.station is None else chunk.station[None],
+        stations=None if chunk.station is None else chunk.station[None] * unit_m,
         station_index=np.zeros(len(points), dtype=np.int32) if has_station else None,
     )
 

@@ -30,24 +30,32 @@ NAMES = (
 )
 AFFIX = re.compile(r"^(?:pos|position|coord|coordinate|point)[ _.]|[ _](?:m|pos|coord|coordinate)$")
 UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
-METRES = ("", "m", "metre", "metres", "meter", "meters")
+NAMED = {
+    "m": ("m", "metre", "metres", "meter", "meters"),
+    "mm": ("mm", "millimetre", "millimetres", "millimeter", "millimeters"),
+    "cm": ("cm", "centimetre", "centimetres", "centimeter", "centimeters"),
+    "in": ("in", "inch", "inches"),
+    "ft": ("ft", "foot", "feet"),
+    "us-ft": ("us-ft", "usft", "ftus", "us survey feet"),
+}
 SMALLEST_ROW = len("0 0 0\n")
 NEITHER = "a header with x, y and z, or numbers"
 
 
 @dataclass(frozen=True)
 class Layout:
-    """Where a line keeps its point: the separator, and the columns of x, y and z."""
+    """Where a line keeps its point: the separator, the columns of x, y and z, and the unit that they name."""
 
     delimiter: str | None
     columns: tuple[int, int, int]
+    unit: str = ""
 
 
 def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
     """Yield the points of a text file.
 
     Raises:
-        ScanError: a header without x, y and z, a unit other than metres, a decimal comma, a row
+        ScanError: a header without x, y and z, a unit that is not known, a decimal comma, a row
             that is no point, or not the number of points that the file states.
     """
     with path.open("rb") as file:
@@ -58,7 +66,7 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
         layout, count = _preamble(lines, file)
         while True:
             for part in rows(lines, layout.columns, layout.delimiter, count):
-                yield Chunk(part)
+                yield Chunk(part, unit=layout.unit)
             count = None if count is None else _next_count(lines, file)
             if count is None:
                 return
@@ -75,7 +83,7 @@ def find_layout(path: Path, number: int, line: str, header: str, comments: Seque
         comments: the comments above it that may name the columns.
 
     Raises:
-        ScanError: a unit other than metres, a decimal comma.
+        ScanError: a unit that is not known, a decimal comma.
     """
     commas = [DECIMAL_COMMA.fullmatch(token.rstrip(",;")) for token in re.split(r"[;\s]+", line)[:3]]
     if len(commas) == 3 and all(commas):
@@ -91,8 +99,8 @@ def find_layout(path: Path, number: int, line: str, header: str, comments: Seque
         if header and not names:
             continue
         if len(values) > max(columns) and all(is_number(values[column]) for column in columns):
-            _check_units(path, [names[column] for column in columns] if names else [])
-            return Layout(delimiter, columns)
+            unit = _unit(path, [names[column] for column in columns] if names else [])
+            return Layout(delimiter, columns, unit)
     return None
 
 
@@ -158,11 +166,20 @@ def _axes(names: Sequence[str]) -> tuple[int, int, int] | None:
     return None
 
 
-def _check_units(path: Path, names: Sequence[str]) -> None:
+def _unit(path: Path, names: Sequence[str]) -> str:
+    """Return the unit that names of columns hold in brackets, or empty."""
+    found = set[str]()
     for name in names:
-        unit = UNIT.search(name)
-        if unit is not None and unit[1] not in METRES:
-            raise ScanError(path, f"column {name} is not in metres", "metres")
+        bracket = UNIT.search(name)
+        if bracket is None or not bracket[1]:
+            continue
+        unit = next((unit for unit, words in NAMED.items() if bracket[1] in words), None)
+        if unit is None:
+            raise ScanError(path, f"column {name} is not in metres", "a unit out of " + ", ".join(NAMED))
+        found.add(unit)
+    if len(found) > 1:
+        raise ScanError(path, f"its columns are in {' and '.join(sorted(found))}", "one unit")
+    return "".join(found)
 
 
 def _no_point(lines: Lines, line: str, header: str) -> ScanError:

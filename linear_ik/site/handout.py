@@ -19,7 +19,7 @@ UNKNOWN = -1
 
 @dataclass
 class Extent:
-    """What was read of a scan.
+    """What was read of a scan; of a COPC file only what may be near an element.
 
     Attributes:
         points: how many.
@@ -44,6 +44,17 @@ def moved(pieces: Iterable[Scan], T_model_scan: Array | None) -> Iterator[Scan]:
         R, t = T_model_scan[:3, :3], T_model_scan[:3, 3]
         stations = None if piece.stations is None else piece.stations @ R.T + t
         yield Scan(piece.points @ R.T + t, None, stations, piece.station_index)
+
+
+def boxes_back(boxes_m: Array, T_model_scan: Array | None) -> Array:  # noqa: N803
+    """Return upright boxes [B][2][3] in the scan's coordinates that hold those in the model's."""
+    if T_model_scan is None:
+        return boxes_m
+    R, t = T_model_scan[:3, :3], T_model_scan[:3, 3]
+    middle, half = boxes_m.mean(axis=1), (boxes_m[:, 1] - boxes_m[:, 0]) / 2
+    # Rows: R' v is v R, and a box turned is as large as its edges' shadows together.
+    centre, extent = (middle - t) @ R, half @ np.abs(R)
+    return np.stack([centre - extent, centre + extent], axis=1)
 
 
 def hand_out(

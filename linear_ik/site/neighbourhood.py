@@ -156,6 +156,11 @@ class Neighbourhoods:
             row, member, stretch = row[once], member[once], stretch[once]
         return Pairs(row, member, stretch)
 
+    @property
+    def bounds_m(self) -> Array:
+        """Least and largest x, y and z of each box [B][2][3], in the scan's coordinates."""
+        return np.stack(_bounds(self.boxes), axis=1)
+
     def neighbours(self) -> dict[int, list[int]]:
         """Return for each element those whose boxes reach into a cell that its own reach into, ascending."""
         out: dict[int, set[int]] = {int(e): set() for e in np.unique(self.owner)}

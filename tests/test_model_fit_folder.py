@@ -1,0 +1,89 @@
+"""The output folder of a run: files that no run of this design wrote stay as they are."""
+
+from __future__ import annotations
+
+import json
+from dataclasses import replace
+
+import pytest
+from site_samples import ABSENT, only, site
+
+from linear_ik.cli import main
+from linear_ik.errors import OutputError
+from linear_ik.model_fit import ModelFitOptions, fit_model
+
+HERE = {"workers": 0}
+NAMES = ("asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json", "elements/beam.json")
+
+
+@pytest.fixture(scope="module")
+def built(tmp_path_factory):
+    """One element that is not in the scan: a run of a moment."""
+    made = site(tmp_path_factory.mktemp("site"))
+    return replace(made, design=only(made.design, ABSENT))
+
+
+def contents(folder):
+    return {path: path.read_bytes() for path in folder.rglob("*") if path.is_file()}
+
+
+@pytest.mark.parametrize("name", NAMES)
+def test_files_of_others_are_not_replaced(built, tmp_path, name):
+    theirs = tmp_path / name
+    theirs.parent.mkdir(exist_ok=True)
+    theirs.write_text('{"design": "site.ifc"}')
+    before = contents(tmp_path)
+    with pytest.raises(OutputError, match=r"was not written by a run of linear_ik.*--overwrite") as caught:
+        fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert caught.value.subject == str(theirs)
+    assert contents(tmp_path) == before
+    fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE, overwrite=True))
+    assert json.loads((tmp_path / "run.json").read_text())["design"] == "site.ifc"
+    # From then on the folder is this design's.
+    fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+
+
+def test_a_run_of_another_design_is_not_replaced(built, tmp_path):
+    fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    before = contents(tmp_path)
+    other = replace(built.design, source="other.ifc")
+    with pytest.raises(OutputError, match=r"is of a run with site\.ifc"):
+        fit_model(other, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert contents(tmp_path) == before
+    fit_model(other, [built.scan], tmp_path, options=ModelFitOptions(**HERE, overwrite=True))
+    with pytest.raises(OutputError, match=r"is of a run with other\.ifc"):
+        fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+
+
+def test_a_run_that_was_stopped_before_its_end_goes_on(built, tmp_path, monkeypatch):
+    def stopped(*_):
+        raise KeyboardInterrupt
+
+    with monkeypatch.context() as patched:
+        patched.setattr("linear_ik.model_fit.run.colour_scan", stopped)
+        with pytest.raises(KeyboardInterrupt):
+            fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert (tmp_path / "elements.csv").exists() and not (tmp_path / "run.json").exists()
+    fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert (tmp_path / "run.json").exists()
+
+
+def test_files_that_no_run_writes_are_let_be(built, tmp_path):
+    (tmp_path / "notes.txt").write_text("mine")
+    fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert (tmp_path / "notes.txt").read_text() == "mine"
+
+
+def test_the_command_refuses_with_one_line(built, tmp_path, capsys):
+    (tmp_path / "design.ifc").write_text("never read")
+    (tmp_path / "out").mkdir()
+    (tmp_path / "out" / "asbuilt.ifc").write_text("theirs")
+    words = ["fit", str(tmp_path / "design.ifc"), str(built.scan), "-o", str(tmp_path / "out")]
+    assert main(words) == 2
+    out, err = capsys.readouterr()
+    assert out == ""
+    assert err.startswith(f"error: {tmp_path / 'out' / 'asbuilt.ifc'}: was not written by a run of linear_ik")
+    assert err.count("\n") == 1
+    assert main([*words, "--overwrite"]) == 2
+    assert "design.ifc" in capsys.readouterr().err
+    assert [path.name for path in (tmp_path / "out").iterdir()] == ["asbuilt.ifc"]
