@@ -202,7 +202,7 @@ class Clock:
     def lap(self, name: str) -> None:
         """Note the time since the last lap as that of stage ``name``."""
         now = time.perf_counter()
-        self._laps[name] = now - self._lap
+        self._laps[name] = self._laps.get(name, 0.0) + now - self._lap
         self._lap = now
 
     def timings(self) -> dict[str, float]:

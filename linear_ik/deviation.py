@@ -161,7 +161,8 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     if precamber_m and not is_vertical:
         along = ((designed - designed[0]) @ designed_chord / designed_chord_m)[:, None]
         designed = designed + 4.0 * precamber_m * along * (1.0 - along) * _upwards(vertical, designed_chord)
-    s_m = element.segment_length_m * np.arange(n + 1, dtype=np.float64)
+    step_m = result.fitted_element.segment_length_m
+    s_m = step_m * np.arange(n + 1, dtype=np.float64)
 
     share = (nodes - nodes[0]) @ chord / chord_m
     relative = np.eye(n + 1)  # n_k - n_0 - share_k (n_N - n_0)
@@ -169,8 +170,8 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     relative[:, -1] -= share
     offset = (nodes - nodes[0]) @ axes.T - (designed - designed[0]) @ designed_axes.T
     offset[[0, -1]] = 0.0  # but for rounding
-    step = np.diff(np.eye(n + 1), axis=0) / element.segment_length_m
-    bend = np.diff(step, axis=0) / element.segment_length_m
+    step = np.diff(np.eye(n + 1), axis=0) / step_m
+    bend = np.diff(step, axis=0) / step_m
     curvature = bend @ offset
     # The steps across the chord are sines: their length's arcsine is the angle, its slope 1 / cosine.
     sine = step @ offset
@@ -217,7 +218,7 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
             chord_m - designed_chord_m,
             float(bands.of_rows(ends, chord[None])[0]),
             None,
-            "of the chord; the length along the axis is taken from the design",
+            f"of the chord; the length along the axis is {_length_note(result)}",
         ),
         straight_bow_m=bands.largest_of_none(relative, axes),
     )
@@ -242,6 +243,12 @@ def _vertical_and_sideways(
     half[0, len(offset) // 2] += 0.5 if len(offset) % 2 else 0.0
     band = float(bands.of_rows(half @ relative, up[None])[0])
     return sag, sweep, Figure(float((half @ offset @ up)[0]), band, None, "at half the length")
+
+
+def _length_note(result: FitResult) -> str:
+    if result.length_m is None:
+        return "taken from the design"
+    return f"{result.length_m:.4f} m by the ends of the scan"
 
 
 def _twist(result: FitResult, twist: float) -> Figure:

@@ -38,9 +38,14 @@ class Bands:
         own, S = R.T @ result.nodes_covariance_m2 @ R, result.configuration_covariance
         if S is None:
             return cls(own, None)
-        A = Chain.of(result.element).pose(configuration(result)).node_jacobians()
+        pose = Chain.of(result.fitted_element).pose(configuration(result))
+        A = pose.node_jacobians()
         flat = A.reshape(-1, A.shape[2])
-        return cls(own, (flat @ S @ flat.T).reshape(len(own), 3, len(own), 3))
+        joint = flat @ S @ flat.T
+        if result.length_spread_m:
+            slid = result.length_spread_m * pose.length_jacobian().ravel()
+            joint += np.outer(slid, slid)
+        return cls(own, joint.reshape(len(own), 3, len(own), 3))
 
     def of_rows(self, rows: Array, directions: Array) -> Array:
         """Return the half-width [K] of ``sum_a rows[k, a] directions[k] . n_a`` for each k.

@@ -92,6 +92,7 @@ def element_to_mapping(element: Element) -> dict[str, Any]:
         "density_kg_m3": element.density_kg_m3,
         **({} if element.profile_end is None else {"profile_end": profile_to_mapping(element.profile_end)}),
         **({} if element.axis_points is None else {"axis_points": [list(point) for point in element.axis_points]}),
+        **({"length_tolerance_m": element.length_tolerance_m} if element.length_tolerance_m else {}),
     }
 
 

@@ -20,6 +20,7 @@ from linear_ik.doubts import (
 )
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
+from linear_ik.fitted_length import fit_length
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import make_solver
 from linear_ik.outliers import without_outliers
@@ -74,8 +75,13 @@ def fit(
         raise ElementError("element", f"a {type(element).__name__}", "an Element, such as load_element(path)")
     # Small matrices get ten times slower when BLAS spreads them over busy cores.
     with thread_pools().limit(limits=1):
-        log = Log(on_iteration, element.placement.T_world_element)
-        return coarseness_said(_fit(element, scan, settings or FitSettings(), log, Clock()), scan)
+        log, clock, given = Log(on_iteration, element.placement.T_world_element), Clock(), settings or FitSettings()
+
+        def fit_once(known: Element, end_m: Array | None = None) -> FitResult:
+            return _fit(known, scan, given, log, clock, end_m)
+
+        result = fit_length(element, scan, fit_once) if element.length_tolerance_m else fit_once(element)
+        return coarseness_said(replace(result, timings_s=clock.timings()), scan)
 
 
 def not_scanned(element: Element, reason: str, settings: FitSettings | None = None) -> FitResult:
@@ -94,9 +100,11 @@ def not_scanned(element: Element, reason: str, settings: FitSettings | None = No
         return absent(problem, (reason,), settings, Log(None, element.placement.T_world_element), clock)
 
 
-def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+def _fit(
+    element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock, end_m: Array | None = None
+) -> FitResult:
     solver = make_solver(settings.solver)
-    problem = Problem.of(element, scan)
+    problem = Problem.of(element, scan, end_m)
     removed: tuple[str, ...] = ()
     if settings.outlier_removal:
         before, problem = len(problem.points), problem.seeing(without_outliers(problem.points))
@@ -132,7 +140,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     if problem.matcher.sights is not None and contradicted(settled):
         # Files name stations that are none: the file's own origin, say.
         bare = Log(log.on_iteration, log.T_world_element)
-        other = _fit(element, Scan(scan.points, scan.normals), settings, bare, clock)
+        other = _fit(element, Scan(scan.points, scan.normals), settings, bare, clock, end_m)
         if sum(s.points for s in other.segments) > MORE * sum(s.points for s in result.segments):
             reason = "more points fit where their stations could not have seen them: the stations were not used"
             return replace(other, status=in_doubt(other.status), reasons=(*other.reasons, reason))

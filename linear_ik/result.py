@@ -2,7 +2,9 @@
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass, field
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -100,6 +102,9 @@ class FitResult:
             together, which differences between them need. None where a file does not have it.
         unobservable: what the scan does not show, in words: torsion of a round section, the
             place along the axis, bending across an axis with the nodes (from 0) it concerns.
+        length_m: along the axis, where the element's has a tolerance and the ends of the scan
+            tell it; None: as designed. All else in the result describes a chain of this length.
+        length_sd_m: its standard deviation; None where ``length_m`` is.
     """
 
     element: Element
@@ -120,6 +125,21 @@ class FitResult:
     timings_s: dict[str, float] = field(default_factory=dict)
     configuration_covariance: Array | None = None
     unobservable: tuple[str, ...] = ()
+    length_m: float | None = None
+    length_sd_m: float | None = None
+
+    @cached_property
+    def fitted_element(self) -> Element:
+        """The element with the length that was found: what ``q`` and ``base_pose`` are of."""
+        return self.element if self.length_m is None else self.element.with_length(self.length_m)
+
+    @property
+    def length_spread_m(self) -> float:
+        """Standard deviation of the length of the chain: as measured, as its tolerance leaves it, or 0 where known."""
+        if self.length_sd_m is not None:
+            return self.length_sd_m
+        # Anywhere within the tolerance: uniform has this deviation.
+        return self.element.length_tolerance_m / math.sqrt(3.0)
 
     @property
     def iterations(self) -> int:

@@ -144,8 +144,8 @@ class Viewer:
             largest_m = max(0.003, round(3 * noise_m, 3))
             self.show_scan(scan, self._distances(result, scan) if found else None, largest_m)
         if found:
-            self.show_fit(result.element, result.q, result.base_pose)
-            lines = colour_segments(self._vis, result, segment_bodies(result.element), FITTED_OPACITY)
+            self.show_fit(result.fitted_element, result.q, result.base_pose)
+            lines = colour_segments(self._vis, result, segment_bodies(result.fitted_element), FITTED_OPACITY)
             ellipsoids = show_ellipsoids(self._vis, result, self._local)
             for colour, text in [*lines, *([ellipsoids] if ellipsoids else [])]:
                 self._caption(colour, text)
@@ -227,7 +227,7 @@ class Viewer:
         scene = o3d.t.geometry.RaycastingScene()
         for k, T in enumerate(self._poses(result.q, result.base_pose)):
             if k == 0 or result.element.is_tapered:
-                vertices, triangles = segment_triangles(result.element, k)
+                vertices, triangles = segment_triangles(result.fitted_element, k)
             placed = (vertices @ T[:3, :3].T + T[:3, 3]).astype(np.float32)
             scene.add_triangles(o3d.core.Tensor(placed), o3d.core.Tensor(triangles.astype(np.uint32)))
         local = np.ascontiguousarray(self._local(scan.points), dtype=np.float32)

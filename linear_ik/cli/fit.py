@@ -102,6 +102,10 @@ def fit(
         list[str] | None, typer.Option("--class", metavar="IfcBeam", help="Fit this class; repeatable.")
     ] = None,
     segments: Annotated[int | None, typer.Option("--segments", help="Of every element.")] = None,
+    length_tolerance: Annotated[
+        float | None,
+        typer.Option("--length-tolerance", metavar="METRES", help="How far each length may be from its design; 0."),
+    ] = None,
     transform: Annotated[
         Path | None,
         file_option(
@@ -135,6 +139,7 @@ def fit(
         "only": None if only is None else tuple(guid.strip() for guid in only.split(",") if guid.strip()),
         "classes": None if classes is None else tuple(classes),
         "segments": segments,
+        "length_tolerance_m": length_tolerance,
         "reach_m": reach,
         "max_points": max_points,
         "memory_mb": memory,
@@ -277,11 +282,11 @@ def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None) -> Non
     if urdf is not None:
         from linear_ik.exports.fitted_urdf import write_fitted_urdf
 
-        write_fitted_urdf(result.element, result.q, result.base_pose, urdf)
+        write_fitted_urdf(result.fitted_element, result.q, result.base_pose, urdf)
     if glb is not None:
         from linear_ik.exports.glb import write_glb
 
-        write_glb(result.element, result.q, result.base_pose, glb)
+        write_glb(result.fitted_element, result.q, result.base_pose, glb)
 
 
 def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path]) -> None:

@@ -7,7 +7,7 @@ from collections import Counter
 
 import numpy as np
 
-from linear_ik.deviation_bands import band_along
+from linear_ik.deviation_bands import BAND_95, band_along
 from linear_ik.errors import LinearIkError
 from linear_ik.result import FitResult
 
@@ -19,6 +19,8 @@ def describe(result: FitResult) -> list[str]:
     if result.status != "not_scanned":
         lines.append(_line("tip", tip_displacement(result)))
         lines += [_line("bow", text) for text in bow(result)]
+        if result.length_m is not None and result.length_sd_m is not None:
+            lines.append(_line("length", fitted_length(result.length_m, result.length_sd_m, result.element.length_m)))
         noise = f", noise {1000 * result.range_noise_m:.2f} mm" if math.isfinite(result.range_noise_m) else ""
         points = sum(segment.points for segment in result.segments)
         rms = f"{1000 * result.surface_rmse_m:.2f} mm rms over {points:,} matched points{noise}"
@@ -55,6 +57,12 @@ def bow(result: FitResult) -> list[str]:
         return []
     band = "band unknown" if found.band is None else f"+- {1000 * found.band:.2f} mm (95 %)"
     return [f"{1000 * found.value:.2f} mm from the chord between its ends, {band}"]
+
+
+def fitted_length(length_m: float, sd_m: float, designed_m: float) -> str:
+    """Return a length that was measured, with its 95 % band, and how far it is from the designed one."""
+    change_mm = 1000 * (length_m - designed_m)
+    return f"{length_m:.4f} m, +- {1000 * BAND_95 * sd_m:.2f} mm (95 %), {change_mm:+.2f} mm from the design"
 
 
 def _line(label: str, text: str) -> str:

@@ -29,7 +29,7 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
     ``linear_ik.local_origin_m`` is the point in the scan's coordinates.
 
     Args:
-        element: the design that was fitted.
+        element: what was fitted, `FitResult.fitted_element`.
         q: [3N] (z, y, x) a segment, radians.
         base_pose: [4][4] T_world_base.
         path: of the GLB; missing folders are made.

@@ -27,6 +27,7 @@ class ModelFitOptions:
         reach_m: how far an element's points may be from its designed surface, its placement
             tolerance apart.
         segments: of every element, in place of the design's.
+        length_tolerance_m: of every element, in place of its own 0: how far its length may be from the design's.
         only: GlobalIds; all when empty.
         classes: such as IfcBeam; all when empty.
         T_model_scan: [4][4] takes the scan into the model's coordinates; None where it is in them.
@@ -44,6 +45,7 @@ class ModelFitOptions:
     max_points: int = 100_000
     reach_m: float = 0.15
     segments: int | None = None
+    length_tolerance_m: float | None = None
     only: Sequence[str] = ()
     classes: Sequence[str] = ()
     T_model_scan: Array | None = None
@@ -59,10 +61,11 @@ class ModelFitOptions:
             ("max_points", 1000, 10**8, True),
             ("memory_mb", 16.0, 1e6, False),
             ("reach_m", 0.0, 10.0, False),
+            ("length_tolerance_m", 0.0, 10.0, False),
             ("legend_m", 1e-6, 10.0, False),
         ):
             value = getattr(self, name)
-            if value is None and name in ("workers", "segments"):
+            if value is None and name in ("workers", "segments", "length_tolerance_m"):
                 continue
             kind: type = Integral if whole else Real
             if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:  # type: ignore[operator]

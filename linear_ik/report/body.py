@@ -52,7 +52,7 @@ def body_data(
         scale = float(np.abs(local).max()) / STEPS
         out["scale"] = scale
         out["points"] = _packed(np.round(local / scale), "<i2")
-        out["along"] = _packed(np.round(65535 * near.s_m[rows] / element.length_m), "<u2")
+        out["along"] = _packed(np.round(65535 * near.s_m[rows] / result.fitted_element.length_m), "<u2")
         out["distance"] = _packed(np.clip(255 * near.distance_m[rows] / largest_m, 0, 255), "u1")
     return out
 
