@@ -23,6 +23,7 @@ Start = Literal["fixed", "pinned", "roller", "free"]
 End = Literal["free", "roller", "pinned", "fixed"]
 
 MOST_SEGMENTS = 500
+SEGMENTS = 10  # where nobody says another number
 LONGEST_M = 1e5
 FARTHEST_M = 1e8
 MOST_OF_LENGTH = 0.25  # that the length's tolerance may be
@@ -130,6 +131,7 @@ class Element:
             element's frame, from [0, 0, 0] on, its start leading towards +Z.
         length_tolerance_m: how far, each way, the as-built length may be from ``length_m``;
             0 takes the designed length as known.
+        auto_segments: the fit chooses the number of segments by the scan; ``segments`` is left at its default then.
 
     Raises:
         ElementError: a value out of its range, named.
@@ -138,7 +140,7 @@ class Element:
     name: str
     profile: Profile
     length_m: float
-    segments: int = 10
+    segments: int = SEGMENTS
     placement: Placement = field(default_factory=Placement)
     start: Start = "fixed"
     end: End = "free"
@@ -149,6 +151,7 @@ class Element:
     profile_end: Profile | None = None
     axis_points: Points | None = None
     length_tolerance_m: float = 0.0
+    auto_segments: bool = False
 
     def __post_init__(self) -> None:
         """Check every field and normalise the numbers."""
@@ -168,6 +171,10 @@ class Element:
             raise ElementError("segments", f"{self.segments!r}", f"a whole number, 1 to {MOST_SEGMENTS}")
         if not 1 <= self.segments <= MOST_SEGMENTS:
             raise ElementError("segments", reprlib.repr(self.segments), f"1 to {MOST_SEGMENTS}")
+        if not isinstance(self.auto_segments, bool):
+            raise ElementError("auto_segments", reprlib.repr(self.auto_segments), "True or False")
+        if self.auto_segments and self.segments != SEGMENTS:
+            raise ElementError("segments", f"{self.segments} together with auto_segments", "one of the two")
         if self.start not in get_args(Start):
             raise ElementError("start", f"{self.start!r}", "one of " + ", ".join(get_args(Start)))
         if self.end not in get_args(End):

@@ -25,9 +25,10 @@ from linear_ik.icpik import icpik
 from linear_ik.ik_step import make_solver
 from linear_ik.outliers import without_outliers
 from linear_ik.problem import Problem
-from linear_ik.result import FitResult, IterationRecord, in_doubt
+from linear_ik.result import FitResult, IterationRecord, SegmentCount, in_doubt
 from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
+from linear_ik.segment_count import choose_segments
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import Settled, measured, settle
 from linear_ik.tally import nearby
@@ -80,7 +81,19 @@ def fit(
         def fit_once(known: Element, end_m: Array | None = None) -> FitResult:
             return _fit(known, scan, given, log, clock, end_m)
 
-        result = fit_length(element, scan, fit_once) if element.length_tolerance_m else fit_once(element)
+        tried: tuple[SegmentCount, ...] = ()
+        if element.auto_segments:
+            # Each count has a history of its own.
+            def fit_known(counted: Element) -> FitResult:
+                own = Log(on_iteration, element.placement.T_world_element)
+                return _fit(replace(counted, length_tolerance_m=0.0), scan, given, own, clock)
+
+            result, tried = choose_segments(element, scan, fit_known)
+            element = replace(element, segments=result.element.segments, auto_segments=False)
+            result = fit_length(element, scan, fit_once) if element.length_tolerance_m else result
+        else:
+            result = fit_length(element, scan, fit_once) if element.length_tolerance_m else fit_once(element)
+        result = replace(result, segment_counts=tried)
         return coarseness_said(replace(result, timings_s=clock.timings()), scan)
 
 

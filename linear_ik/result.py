@@ -42,6 +42,22 @@ class SegmentResult:
     surface_rmse_m: float
 
 
+@dataclass(frozen=True)
+class SegmentCount:
+    """One number of segments that was tried where the scan chooses it.
+
+    Attributes:
+        segments: how many.
+        against: evidence against it, by which its Bayesian information criterion exceeds the least;
+            0 of the one that was chosen, above 10 is strong.
+        surface_rmse_m: of its fit.
+    """
+
+    segments: int
+    against: float
+    surface_rmse_m: float
+
+
 @dataclass(frozen=True, eq=False)
 class IterationRecord:
     """The state after one iteration; also what `on_iteration` is called with.
@@ -105,6 +121,8 @@ class FitResult:
         length_m: along the axis, where the element's has a tolerance and the ends of the scan
             tell it; None: as designed. All else in the result describes a chain of this length.
         length_sd_m: its standard deviation; None where ``length_m`` is.
+        segment_counts: what was tried where the scan chose the number of segments, coarse ones first;
+            ``element`` has the chosen number.
     """
 
     element: Element
@@ -127,6 +145,7 @@ class FitResult:
     unobservable: tuple[str, ...] = ()
     length_m: float | None = None
     length_sd_m: float | None = None
+    segment_counts: tuple[SegmentCount, ...] = ()
 
     @cached_property
     def fitted_element(self) -> Element:

@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -157,6 +158,10 @@ class Viewer:
         """Show the state after one iteration; give it to `linear_ik.fit`."""
         if self._element is None:
             return
+        if len(record.q) != 3 * self._element.segments:
+            # The fit tries how many segments there are.
+            self._element = replace(self._element, segments=len(record.q) // 3, auto_segments=False)
+            self._chain = Chain.of(self._element)
         # A search has hundreds of short iterations, more than an eye can tell apart.
         if record.phase == "search" and time.monotonic() - self._shown_s < LEAST_BETWEEN_S:
             return

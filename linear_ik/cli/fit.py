@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -22,7 +22,7 @@ from linear_ik.cli.judging import (
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
-from linear_ik.errors import SettingsError
+from linear_ik.errors import ElementError, LinearIkError, SettingsError
 
 if TYPE_CHECKING:
     from linear_ik.element import Element
@@ -101,7 +101,10 @@ def fit(
     classes: Annotated[
         list[str] | None, typer.Option("--class", metavar="IfcBeam", help="Fit this class; repeatable.")
     ] = None,
-    segments: Annotated[int | None, typer.Option("--segments", help="Of every element.")] = None,
+    segments: Annotated[
+        str | None,
+        typer.Option("--segments", metavar="N|auto", help="In place of the design's; auto: as the scan asks for."),
+    ] = None,
     length_tolerance: Annotated[
         float | None,
         typer.Option("--length-tolerance", metavar="METRES", help="How far each length may be from its design; 0."),
@@ -138,7 +141,6 @@ def fit(
     for_models: dict[str, object] = {
         "only": None if only is None else tuple(guid.strip() for guid in only.split(",") if guid.strip()),
         "classes": None if classes is None else tuple(classes),
-        "segments": segments,
         "length_tolerance_m": length_tolerance,
         "reach_m": reach,
         "max_points": max_points,
@@ -161,6 +163,7 @@ def fit(
             precamber=precamber,
         )
         settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
+        for_models["segments"] = None if segments is None else _segments(segments)
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
     to_stdout = is_stdout(output)
@@ -181,6 +184,8 @@ def fit(
     from linear_ik.element_file import load_element
 
     design = load_element(element)
+    if segments is not None:
+        design = _with_segments(design, _segments(segments))
     progress = Progress(quiet)
     with progress.stage("reading " + ", ".join(str(path) for path in scan), judges_input=True):
         from linear_ik.readers import read_scan
@@ -247,6 +252,33 @@ def _settings(
         )
     except SettingsError as error:
         raise about_options(error, range_noise_m="--range-noise", systematic_error_m="--systematic-error") from None
+
+
+def _segments(text: str) -> int | Literal["auto"]:
+    """Return a number of segments, or auto.
+
+    Raises:
+        LinearIkError: something else.
+    """
+    if text == "auto":
+        return "auto"
+    try:
+        return int(text)
+    except ValueError:
+        raise LinearIkError("--segments", repr(text), "a whole number, or auto") from None
+
+
+def _with_segments(design: Element, segments: int | Literal["auto"]) -> Element:
+    from dataclasses import replace
+
+    from linear_ik.element import SEGMENTS
+
+    try:
+        if segments == "auto":
+            return replace(design, segments=SEGMENTS, auto_segments=True)
+        return replace(design, segments=segments, auto_segments=False)
+    except ElementError as error:
+        raise error.about("--segments") if error.subject == "segments" else error from None
 
 
 def _open_viewer(design: Element, points: Scan, wait: bool) -> Viewer:

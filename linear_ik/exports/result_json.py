@@ -21,7 +21,7 @@ from linear_ik.atomic import write_atomically
 from linear_ik.element import Element
 from linear_ik.element_file import element_from_mapping, element_to_mapping
 from linear_ik.errors import LinearIkError
-from linear_ik.result import FitResult, IterationRecord, SegmentResult, SegmentStatus, Status
+from linear_ik.result import FitResult, IterationRecord, SegmentCount, SegmentResult, SegmentStatus, Status
 from linear_ik.settings import FitSettings
 
 SCHEMA = "linear_ik/result/1"
@@ -55,6 +55,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "base_pose": _plain(result.base_pose),
         "length_m": _plain(result.length_m),
         "length_sd_m": _plain(result.length_sd_m),
+        "segment_counts": [_plain(asdict(tried)) for tried in result.segment_counts],
         "rmse_m": _plain(result.rmse_m),
         "surface_rmse_m": _plain(result.surface_rmse_m),
         "range_noise_m": _plain(result.range_noise_m),
@@ -187,6 +188,7 @@ def result_from_mapping(mapping: object) -> FitResult:
         else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
         unobservable=tuple(str(what) for what in _list("unobservable", top.get("unobservable", []))),
         **_length(top, element),
+        segment_counts=_counts(top.get("segment_counts", []), n),
     )
 
 
@@ -204,6 +206,17 @@ def _length(top: Mapping[str, Any], element: Element) -> dict[str, float | None]
     if not 0.0 <= sd_m < math.inf:
         raise ResultError("length_sd_m", f"{sd_m:g}", "metres, 0 or more")
     return {"length_m": length_m, "length_sd_m": sd_m}
+
+
+def _counts(rows: object, n: int) -> tuple[SegmentCount, ...]:
+    """Return the numbers of segments that were tried; results of earlier versions have none."""
+    tried = tuple(
+        _build(SegmentCount, f"segment_counts[{i}]", _mapping(f"segment_counts[{i}]", row))
+        for i, row in enumerate(_list("segment_counts", rows))
+    )
+    if tried and n not in [count.segments for count in tried]:
+        raise ResultError("segment_counts", f"without the element's {n}", "what was tried, the chosen one among it")
+    return tried
 
 
 def versions() -> dict[str, str]:

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -26,7 +27,7 @@ class ModelFitOptions:
         max_points: of one element; where there are more, as many of every stretch of its length.
         reach_m: how far an element's points may be from its designed surface, its placement
             tolerance apart.
-        segments: of every element, in place of the design's.
+        segments: of every element, in place of the design's; "auto": as many as its scan asks for.
         length_tolerance_m: of every element, in place of its own 0: how far its length may be from the design's.
         only: GlobalIds; all when empty.
         classes: such as IfcBeam; all when empty.
@@ -44,7 +45,7 @@ class ModelFitOptions:
     memory_mb: float = 512.0
     max_points: int = 100_000
     reach_m: float = 0.15
-    segments: int | None = None
+    segments: int | Literal["auto"] | None = None
     length_tolerance_m: float | None = None
     only: Sequence[str] = ()
     classes: Sequence[str] = ()
@@ -65,6 +66,8 @@ class ModelFitOptions:
             ("legend_m", 1e-6, 10.0, False),
         ):
             value = getattr(self, name)
+            if name == "segments" and value == "auto":
+                continue
             if value is None and name in ("workers", "segments", "length_tolerance_m"):
                 continue
             kind: type = Integral if whole else Real
