@@ -1,7 +1,8 @@
 """Deviation: how far the as-built member is from a straight one and from its design, with 95 % bands.
 
-Figures are those of the nodes. Between two nodes a smooth curve may reach a little farther: of an
-arc of N segments, N odd, its bow by one part in N^2; N even puts a node in the middle.
+Figures are those of the smooth axis at the nodes (`smooth_axis`): of a curve, the nodes of the chain lie
+outside. Between two nodes it may reach a little farther: of an arc of N segments, N odd, its bow by one
+part in N^2; N even puts a node in the middle.
 
 Two ways to look at a member. *Relative to the chord*: the line between its working points, the
 first and the last node; what all nodes share, such as the error of the registration, cancels.
@@ -29,6 +30,7 @@ from linear_ik.directions import across, turn
 from linear_ik.errors import LinearIkError
 from linear_ik.profile import Circle, CircleHollow
 from linear_ik.result import FitResult
+from linear_ik.smooth_axis import curve_of
 
 Array = npt.NDArray[np.float64]
 
@@ -127,7 +129,9 @@ class Deviations:
     straight_bow_m: float | None
 
 
-def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber_m: float = 0.0) -> Deviations:
+def deviations(
+    result: FitResult, up: tuple[float, float, float] = UP, precamber_m: float = 0.0, smooth: bool = True
+) -> Deviations:
     """Return the deviations of a fitted member.
 
     Bands are 1.96 standard deviations of the fit's covariance: they hold where the fit does, so
@@ -138,6 +142,8 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
         up: the vertical, in the scan's coordinates.
         precamber_m: specified rise of the middle above the chord, where the design is drawn
             without it: a parabola that is added to the designed shape. Verticals have none.
+        smooth: the axis is the curve behind the chain, wherever bends are alike and nodes' joint covariance
+            is known; else the chain.
 
     Raises:
         LinearIkError: the element was not found; its ends coincide, so that there is no chord.
@@ -151,9 +157,13 @@ def deviations(result: FitResult, up: tuple[float, float, float] = UP, precamber
     designed, vertical = element.design.nodes_m, np.asarray(up, dtype=np.float64) @ T[:3, :3]
     vertical = vertical / np.linalg.norm(vertical)
     bands = Bands.of(result)
-    chord_m, designed_chord_m = (float(np.linalg.norm(p[-1] - p[0])) for p in (nodes, designed))
-    if min(chord_m, designed_chord_m) < 1e-3 * element.length_m:
+    chords_m = [float(np.linalg.norm(p[-1] - p[0])) for p in (nodes, designed)]
+    if min(chords_m) < 1e-3 * element.length_m:
         raise LinearIkError(element.name, "its ends coincide", "a member with a chord")
+    if smooth and bands.joint is not None:
+        curve = curve_of(result)
+        nodes, bands = nodes[0] + curve @ (nodes - nodes[0]), bands.carried(curve)
+    chord_m, designed_chord_m = float(np.linalg.norm(nodes[-1] - nodes[0])), chords_m[1]
     chord, designed_chord = (nodes[-1] - nodes[0]) / chord_m, (designed[-1] - designed[0]) / designed_chord_m
     designed_axes = turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
     axes = designed_axes @ turn(designed_chord, chord).T  # [2][3] X and Y across the chord

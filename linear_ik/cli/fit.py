@@ -65,6 +65,9 @@ def fit(
         Path | None,
         file_option("--glb", metavar="OUT.glb", about="Also the bent body, for 3D viewers."),
     ] = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="With --glb: one body along the curve behind the segments.")
+    ] = False,
     record: Annotated[
         Path | None,
         file_option("--record", metavar="PAGE.html", about="Also one page that plays the iterations back."),
@@ -156,6 +159,7 @@ def fit(
             "not with a design model",
             urdf=urdf,
             glb=glb,
+            smooth=smooth or None,
             record=record,
             view=view or None,
             tolerances=tolerances,
@@ -166,6 +170,8 @@ def fit(
         for_models["segments"] = None if segments is None else _segments(segments)
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
+    if smooth and glb is None:
+        raise LinearIkError("--smooth", "given without --glb", "both")
     to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None
@@ -201,7 +207,7 @@ def fit(
         except SettingsError as error:
             raise about_options(error) from None
     with progress.stage("writing"):
-        _write_bodies(result, urdf_target, glb_target)
+        _write_bodies(result, urdf_target, glb_target, smooth)
         from linear_ik.exports.result_json import result_to_json, write_result
 
         judged = judge(result, profile, known)
@@ -307,7 +313,7 @@ def _listener(progress: Progress, viewer: Viewer | None, quiet: bool) -> Callabl
     return on_iteration
 
 
-def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None) -> None:
+def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None, smooth: bool) -> None:
     # An element that was not found has no shape to export.
     if result.status == "not_scanned":
         return
@@ -315,7 +321,11 @@ def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None) -> Non
         from linear_ik.exports.fitted_urdf import write_fitted_urdf
 
         write_fitted_urdf(result.fitted_element, result.q, result.base_pose, urdf)
-    if glb is not None:
+    if glb is not None and smooth:
+        from linear_ik.exports.glb import write_smooth_glb
+
+        write_smooth_glb(result, glb)
+    elif glb is not None:
         from linear_ik.exports.glb import write_glb
 
         write_glb(result.fitted_element, result.q, result.base_pose, glb)
