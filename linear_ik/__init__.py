@@ -25,7 +25,7 @@ if TYPE_CHECKING:
     from linear_ik.errors import LinearIkError
     from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
     from linear_ik.exports.fitted_urdf import write_fitted_urdf
-    from linear_ik.exports.glb import write_glb
+    from linear_ik.exports.glb import write_glb, write_smooth_glb
     from linear_ik.exports.result_json import read_result, result_to_mapping, write_result
     from linear_ik.exports.scan_file import write_scan
     from linear_ik.fit import fit
@@ -47,6 +47,7 @@ if TYPE_CHECKING:
     from linear_ik.scan import Scan
     from linear_ik.settings import FitSettings
     from linear_ik.simulate import SimulatedScan, simulate
+    from linear_ik.smooth_axis import SmoothAxis, smooth_axis
     from linear_ik.tolerances import Conditions, load_tolerances, verdicts
     from linear_ik.urdf import generate_urdf, write_urdf
     from linear_ik.viewer import Viewer
@@ -68,7 +69,8 @@ _MODULES = {
     "errors": ("LinearIkError",),
     "exports.asbuilt_ifc": ("write_asbuilt_ifc",),
     "exports.fitted_urdf": ("write_fitted_urdf",),
-    "exports.glb": ("write_glb",),
+    "exports.glb": ("write_glb", "write_smooth_glb"),
+    "smooth_axis": ("SmoothAxis", "smooth_axis"),
     "exports.result_json": ("read_result", "result_to_mapping", "write_result"),
     "exports.scan_file": ("write_scan",),
     "fit": ("fit",),
@@ -127,6 +129,7 @@ __all__ = [
     "Rectangle",
     "RectangleHollow",
     "Scan",
+    "SmoothAxis",
     "SegmentResult",
     "SimulatedScan",
     "TShape",
@@ -149,6 +152,7 @@ __all__ = [
     "result_to_mapping",
     "scan_virtually",
     "simulate",
+    "smooth_axis",
     "verdicts",
     "write_asbuilt_ifc",
     "write_comparison",
@@ -156,6 +160,7 @@ __all__ = [
     "write_glb",
     "write_result",
     "write_scan",
+    "write_smooth_glb",
     "write_urdf",
 ]
 

@@ -22,7 +22,7 @@ LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
 MOST_SPREAD_M = 0.010
 # Across the axis; more than a node may be unsure by where a fit claims to be right, unless points scatter more.
-MOST_ACROSS_M = 0.0025
+MOST_ACROSS_M = 0.002
 
 
 def assess_segments(problem: Problem, counted: Tally, foreign: Mask) -> tuple[SegmentResult, ...]:

@@ -101,6 +101,13 @@ class Pose:
         J[:, BASE + 3 * k :] = 0.0
         return np.asarray(J)
 
+    def length_jacobian(self) -> Array:
+        """Return d nodes / d length [N+1][3] of a chain whose shape is held: a node slides along it by its share."""
+        along = self.rotations[:, :, 2]
+        tangents = np.concatenate([along[:1], along[:-1] + along[1:], along[-1:]])
+        tangents = tangents / np.maximum(np.linalg.norm(tangents, axis=1), 1e-12)[:, None]
+        return np.asarray(np.linspace(0.0, 1.0, len(tangents))[:, None] * tangents)
+
     def node_jacobians(self) -> Array:
         """Return d nodes / d x [N+1][3][6 + 3N] (paper eq. 3: v_j x (s - p_j))."""
         out = self.J[None, :3] + np.cross(self.J[3:].T[None], self.nodes_m[:, None]).transpose(0, 2, 1)

@@ -178,7 +178,7 @@ def in_scan_coordinates(
     chain = problem.chain
     T = problem.element.placement.T_world_element
     R = T[:3, :3]
-    known["reasons"] = (*known["reasons"], *problem.element.without_effect)
+    reasons = (*reasons, *(Reason("without_effect", text) for text in problem.element.without_effect))
     # Shared by all points, so by all nodes: a translation of the whole. No verdict depends on it.
     shared_m2 = settings.systematic_error_m**2 * np.eye(3)
     configuration = S.copy()
@@ -214,7 +214,7 @@ class Clock:
     def lap(self, name: str) -> None:
         """Note the time since the last lap as that of stage ``name``."""
         now = time.perf_counter()
-        self._laps[name] = now - self._lap
+        self._laps[name] = self._laps.get(name, 0.0) + now - self._lap
         self._lap = now
 
     def timings(self) -> dict[str, float]:

@@ -150,7 +150,7 @@ def known_terms(
     moving = np.arange(len(x)) if moving is None else moving
     objective = prior(x[moving], problem.prior_mean[moving], (noise_m / problem.prior_sd[moving]) ** 2)
     if problem.element.end != "free" and grown in (None, pose.n_segments):
-        objective += end_support(problem.element, pose, noise_m**2).of(moving)
+        objective += end_support(problem.element, pose, noise_m**2, problem.end_m).of(moving)
     return objective
 
 

@@ -1,7 +1,8 @@
 """Deviation: how far the as-built member is from a straight one and from its design, with 95 % bands.
 
-Figures are those of the nodes. Between two nodes a smooth curve may reach a little farther: of an
-arc of N segments, N odd, its bow by one part in N^2; N even puts a node in the middle.
+Figures are those of the smooth axis at the nodes (`smooth_axis`): of a curve, the nodes of the chain lie
+outside. Between two nodes it may reach a little farther: of an arc of N segments, N odd, its bow by one
+part in N^2; N even puts a node in the middle.
 
 Two ways to look at a member. *Relative to the chord*: the line between its working points, the
 first and the last node; what all nodes share, such as the error of the registration, cancels.
@@ -30,6 +31,7 @@ from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import LinearIkError
 from linear_ik.profile import Circle, CircleHollow
 from linear_ik.result import FitResult
+from linear_ik.smooth_axis import curve_of
 
 Array = npt.NDArray[np.float64]
 
@@ -134,6 +136,7 @@ def deviations(
     up: tuple[float, float, float] = UP,
     precamber_m: float = 0.0,
     elastic: ElasticSag | None = None,
+    smooth: bool = True,
 ) -> Deviations:
     """Return the deviations of a fitted member.
 
@@ -147,6 +150,8 @@ def deviations(
             without it: a parabola that is added to the designed shape. Verticals have none.
         elastic: what own weight makes of the member; added to the designed shape, so that figures are
             imperfections, its uncertainty to their bands.
+        smooth: the axis is the curve behind the chain, wherever bends are alike and nodes' joint covariance
+            is known; else the chain.
 
     Raises:
         LinearIkError: the element was not found; its ends coincide, so that there is no chord.
@@ -160,9 +165,13 @@ def deviations(
     designed, vertical = element.design.nodes_m, np.asarray(up, dtype=np.float64) @ T[:3, :3]
     vertical = vertical / np.linalg.norm(vertical)
     bands = Bands.of(result, None if elastic is None else elastic.sd_m)
-    chord_m, designed_chord_m = (float(np.linalg.norm(p[-1] - p[0])) for p in (nodes, designed))
-    if min(chord_m, designed_chord_m) < 1e-3 * element.length_m:
+    chords_m = [float(np.linalg.norm(p[-1] - p[0])) for p in (nodes, designed)]
+    if min(chords_m) < 1e-3 * element.length_m:
         raise LinearIkError(element.name, "its ends coincide", "a member with a chord")
+    if smooth and bands.joint is not None:
+        curve = curve_of(result)
+        nodes, bands = nodes[0] + curve @ (nodes - nodes[0]), bands.carried(curve)
+    chord_m, designed_chord_m = float(np.linalg.norm(nodes[-1] - nodes[0])), chords_m[1]
     chord, designed_chord = (nodes[-1] - nodes[0]) / chord_m, (designed[-1] - designed[0]) / designed_chord_m
     is_vertical = bool(abs(designed_chord @ vertical) > np.cos(VERTICAL_RAD))
     if precamber_m and not is_vertical:
@@ -173,7 +182,8 @@ def deviations(
         designed_chord = (designed[-1] - designed[0]) / np.linalg.norm(designed[-1] - designed[0])
     designed_axes = turn(np.array([0.0, 0.0, 1.0]), designed_chord)[:, :2].T
     axes = designed_axes @ turn(designed_chord, chord).T  # [2][3] X and Y across the chord
-    s_m = element.segment_length_m * np.arange(n + 1, dtype=np.float64)
+    step_m = result.fitted_element.segment_length_m
+    s_m = step_m * np.arange(n + 1, dtype=np.float64)
 
     share = (nodes - nodes[0]) @ chord / chord_m
     relative = np.eye(n + 1)  # n_k - n_0 - share_k (n_N - n_0)
@@ -181,8 +191,8 @@ def deviations(
     relative[:, -1] -= share
     offset = (nodes - nodes[0]) @ axes.T - (designed - designed[0]) @ designed_axes.T
     offset[[0, -1]] = 0.0  # but for rounding
-    step = np.diff(np.eye(n + 1), axis=0) / element.segment_length_m
-    bend = np.diff(step, axis=0) / element.segment_length_m
+    step = np.diff(np.eye(n + 1), axis=0) / step_m
+    bend = np.diff(step, axis=0) / step_m
     curvature = bend @ offset
     # The steps across the chord are sines: their length's arcsine is the angle, its slope 1 / cosine.
     sine = step @ offset
@@ -229,7 +239,7 @@ def deviations(
             chord_m - designed_chord_m,
             float(bands.of_rows(ends, chord[None])[0]),
             None,
-            "of the chord; the length along the axis is taken from the design",
+            f"of the chord; the length along the axis is {_length_note(result)}",
         ),
         straight_bow_m=bands.largest_of_none(relative, axes),
     )
@@ -254,6 +264,12 @@ def _vertical_and_sideways(
     half[0, len(offset) // 2] += 0.5 if len(offset) % 2 else 0.0
     band = float(bands.of_rows(half @ relative, up[None])[0])
     return sag, sweep, Figure(float((half @ offset @ up)[0]), band, None, "at half the length")
+
+
+def _length_note(result: FitResult) -> str:
+    if result.length_m is None:
+        return "taken from the design"
+    return f"{result.length_m:.4f} m by the ends of the scan"
 
 
 def _twist(result: FitResult, twist: float) -> Figure:

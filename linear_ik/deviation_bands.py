@@ -49,15 +49,25 @@ class Bands:
         if S is None:
             return cls(own, None)
         # To load a chain takes longer than all else here, and chains of as many segments differ in length alone.
-        length_m, x = result.element.length_m, configuration(result)
+        length_m, x = result.fitted_element.length_m, configuration(result)
         x[:3] /= length_m
-        A = _chain_of_length_1(result.element.segments).pose(x).node_jacobians()
+        pose = _chain_of_length_1(result.element.segments).pose(x)
+        A = pose.node_jacobians()
         A[:, :, 3:] *= length_m
         flat = A.reshape(-1, A.shape[2])
         joint = flat @ S @ flat.T
         if in_step_m is not None:
             joint = joint + np.outer(in_step_m, in_step_m)
+        if result.length_spread_m:
+            slid = result.length_spread_m * pose.length_jacobian().ravel()
+            joint = joint + np.outer(slid, slid)
         return cls(own, joint.reshape(len(own), 3, len(own), 3))
+
+    def carried(self, D: Array) -> Bands:
+        """Return the covariances of ``D n``, of the nodes n, whose joint one is known; coefficients D [N+1][N+1]."""
+        assert self.joint is not None
+        joint = np.einsum("ka,aibj,lb->kilj", D, self.joint, D, optimize=True)
+        return Bands(np.einsum("kikj->kij", joint), joint)
 
     def of_rows(self, rows: Array, directions: Array) -> Array:
         """Return the half-width [K] of ``sum_a rows[k, a] directions[k] . n_a`` for each k.

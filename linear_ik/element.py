@@ -5,7 +5,7 @@ from __future__ import annotations
 import math
 import reprlib
 from collections.abc import Sequence
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from functools import cached_property
 from typing import Literal, get_args
 
@@ -23,8 +23,10 @@ Start = Literal["fixed", "pinned", "roller", "free"]
 End = Literal["free", "roller", "pinned", "fixed"]
 
 MOST_SEGMENTS = 500
+SEGMENTS = 10  # where nobody says another number
 LONGEST_M = 1e5
 FARTHEST_M = 1e8
+MOST_OF_LENGTH = 0.25  # that the length's tolerance may be
 
 
 @dataclass(frozen=True)
@@ -127,6 +129,9 @@ class Element:
             ``profile``, which is then the one at the start; it varies linearly between.
         axis_points: the design axis where it is not straight: a polyline [x, y, z] in the
             element's frame, from [0, 0, 0] on, its start leading towards +Z.
+        length_tolerance_m: how far, each way, the as-built length may be from ``length_m``;
+            0 takes the designed length as known.
+        auto_segments: the fit chooses the number of segments by the scan; ``segments`` is left at its default then.
 
     Raises:
         ElementError: a value out of its range, named.
@@ -135,7 +140,7 @@ class Element:
     name: str
     profile: Profile
     length_m: float
-    segments: int = 10
+    segments: int = SEGMENTS
     placement: Placement = field(default_factory=Placement)
     start: Start = "fixed"
     end: End = "free"
@@ -145,6 +150,8 @@ class Element:
     density_kg_m3: float = 7850.0
     profile_end: Profile | None = None
     axis_points: Points | None = None
+    length_tolerance_m: float = 0.0
+    auto_segments: bool = False
 
     def __post_init__(self) -> None:
         """Check every field and normalise the numbers."""
@@ -164,6 +171,10 @@ class Element:
             raise ElementError("segments", f"{self.segments!r}", f"a whole number, 1 to {MOST_SEGMENTS}")
         if not 1 <= self.segments <= MOST_SEGMENTS:
             raise ElementError("segments", reprlib.repr(self.segments), f"1 to {MOST_SEGMENTS}")
+        if not isinstance(self.auto_segments, bool):
+            raise ElementError("auto_segments", reprlib.repr(self.auto_segments), "True or False")
+        if self.auto_segments and self.segments != SEGMENTS:
+            raise ElementError("segments", f"{self.segments} together with auto_segments", "one of the two")
         if self.start not in get_args(Start):
             raise ElementError("start", f"{self.start!r}", "one of " + ", ".join(get_args(Start)))
         if self.end not in get_args(End):
@@ -190,6 +201,15 @@ class Element:
             if abs(along_m - self.length_m) > 1e-3 * along_m:
                 raise ElementError("length_m", f"{self.length_m:g}", f"{along_m:g}, the length along axis_points")
             object.__setattr__(self, "length_m", along_m)
+        object.__setattr__(
+            self, "length_tolerance_m", check_number("length_tolerance_m", self.length_tolerance_m, 0.0, LONGEST_M)
+        )
+        if self.length_tolerance_m > MOST_OF_LENGTH * self.length_m:
+            raise ElementError(
+                "length_tolerance_m",
+                f"{self.length_tolerance_m:g}",
+                f"up to a quarter of the length {self.length_m:g}",
+            )
         if self.segment_length_m < 1e-4:
             raise ElementError(
                 "segments", f"{self.segments} of {self.segment_length_m:g} m", "segments of 0.1 mm or more"
@@ -206,6 +226,14 @@ class Element:
         if self.axis_points is None:
             return straight_axis(self.length_m, self.segments)
         return follow(self.axis_points, self.segments)
+
+    def with_length(self, length_m: float) -> Element:
+        """Return the element with another length, every segment alike: the same angles as designed."""
+        if length_m == self.length_m:
+            return self
+        scale, points = length_m / self.length_m, self.axis_points
+        scaled = None if points is None else tuple((scale * x, scale * y, scale * z) for x, y, z in points)
+        return replace(self, length_m=length_m, axis_points=scaled, length_tolerance_m=0.0)
 
     @property
     def is_tapered(self) -> bool:

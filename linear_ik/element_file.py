@@ -23,10 +23,12 @@ from linear_ik.strict_yaml import NUMBER, StrictLoader, unique_keys, whole_numbe
 
 LARGEST_FILE_BYTES = 256 * 1024  # a polygon of 1000 corners takes 100 kB
 
+AUTO = "auto"  # segments as many as the scan asks for
+
 # Key in the file -> field of Element, where they differ.
 _RENAMED = {"length": "length_m"}
 _KEY_OF = {field: key for key, field in _RENAMED.items()}
-_KEYS = tuple(_KEY_OF.get(f.name, f.name) for f in fields(Element))
+_KEYS = tuple(_KEY_OF.get(f.name, f.name) for f in fields(Element) if f.name != "auto_segments")
 _NEEDED = ("name", "profile", "length")
 _PLACEMENT_KEYS = tuple(f.name for f in fields(Placement))
 _TOLERANCE_KEYS = tuple(f.name for f in fields(PlacementTolerance))
@@ -59,6 +61,9 @@ def element_from_mapping(mapping: Mapping[str, Any]) -> Element:
     data = _mapping("element", mapping, _KEYS, needed)
     values: dict[str, Any] = {}
     for key, value in data.items():
+        if key == "segments" and value == AUTO:
+            values["auto_segments"] = True
+            continue
         values[_RENAMED.get(key, key)] = _READERS.get(key, _number)(key, value)
     if "length_m" not in values:
         values["length_m"] = polyline_length_m(check_axis_points(values["axis_points"]))
@@ -82,7 +87,7 @@ def element_to_mapping(element: Element) -> dict[str, Any]:
         "name": element.name,
         "profile": profile_to_mapping(element.profile),
         "length": element.length_m,
-        "segments": element.segments,
+        "segments": AUTO if element.auto_segments else element.segments,
         "placement": where,
         "start": element.start,
         "end": element.end,
@@ -92,6 +97,7 @@ def element_to_mapping(element: Element) -> dict[str, Any]:
         "density_kg_m3": element.density_kg_m3,
         **({} if element.profile_end is None else {"profile_end": profile_to_mapping(element.profile_end)}),
         **({} if element.axis_points is None else {"axis_points": [list(point) for point in element.axis_points]}),
+        **({"length_tolerance_m": element.length_tolerance_m} if element.length_tolerance_m else {}),
     }
 
 

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from collections.abc import Callable
+from dataclasses import replace
 from functools import cache
 
 import numpy as np
@@ -19,14 +20,16 @@ from linear_ik.doubts import (
 )
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
+from linear_ik.fitted_length import fit_length
 from linear_ik.icpik import icpik
 from linear_ik.ik_step import make_solver
 from linear_ik.outliers import without_outliers
 from linear_ik.problem import Problem
 from linear_ik.reason import Reason
-from linear_ik.result import FitResult, IterationRecord
+from linear_ik.result import FitResult, IterationRecord, SegmentCount
 from linear_ik.sampling import stratified
 from linear_ik.scan import Scan
+from linear_ik.segment_count import choose_segments
 from linear_ik.settings import FitSettings
 from linear_ik.settlement import NARROW_SCALE, ROBUST_SCALE, Settled, measured, settle
 from linear_ik.tally import nearby
@@ -73,8 +76,25 @@ def fit(
         raise ElementError("element", f"a {type(element).__name__}", "an Element, such as load_element(path)")
     # Small matrices get ten times slower when BLAS spreads them over busy cores.
     with thread_pools().limit(limits=1):
-        log = Log(on_iteration, element.placement.T_world_element)
-        return coarseness_said(_fit(element, scan, settings or FitSettings(), log, Clock()), scan)
+        log, clock, given = Log(on_iteration, element.placement.T_world_element), Clock(), settings or FitSettings()
+
+        def fit_once(known: Element, end_m: Array | None = None) -> FitResult:
+            return _fit(known, scan, given, log, clock, end_m)
+
+        tried: tuple[SegmentCount, ...] = ()
+        if element.auto_segments:
+            # Each count has a history of its own.
+            def fit_known(counted: Element) -> FitResult:
+                own = Log(on_iteration, element.placement.T_world_element)
+                return _fit(replace(counted, length_tolerance_m=0.0), scan, given, own, clock)
+
+            result, tried = choose_segments(element, scan, fit_known)
+            element = replace(element, segments=result.element.segments, auto_segments=False)
+            result = fit_length(element, scan, fit_once) if element.length_tolerance_m else result
+        else:
+            result = fit_length(element, scan, fit_once) if element.length_tolerance_m else fit_once(element)
+        result = replace(result, segment_counts=tried)
+        return coarseness_said(replace(result, timings_s=clock.timings()), scan)
 
 
 def not_scanned(element: Element, reason: str, settings: FitSettings | None = None) -> FitResult:
@@ -93,9 +113,11 @@ def not_scanned(element: Element, reason: str, settings: FitSettings | None = No
         return absent(problem, (_absent(reason),), settings, Log(None, element.placement.T_world_element), clock)
 
 
-def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
+def _fit(
+    element: Element, scan: Scan, settings: FitSettings, log: Log, clock: Clock, end_m: Array | None = None
+) -> FitResult:
     solver = make_solver(settings.solver)
-    problem = Problem.of(element, scan)
+    problem = Problem.of(element, scan, end_m)
     removed: tuple[Reason, ...] = ()
     if settings.outlier_removal:
         before, problem = len(problem.points), problem.seeing(without_outliers(problem.points))
@@ -133,7 +155,7 @@ def _fit(element: Element, scan: Scan, settings: FitSettings, log: Log, clock: C
     if problem.matcher.sights is not None and contradicted(settled):
         # Files name stations that are none: the file's own origin, say.
         bare = Log(log.on_iteration, log.T_world_element)
-        other = _fit(element, Scan(scan.points, scan.normals), settings, bare, clock)
+        other = _fit(element, Scan(scan.points, scan.normals), settings, bare, clock, end_m)
         if sum(s.points for s in other.segments) > MORE * sum(s.points for s in result.segments):
             why = "more points fit where their stations could not have seen them: the stations were not used"
             return other.with_reasons(Reason("stations_not_used", why))

@@ -42,6 +42,7 @@ class Problem:
             slide along the axis until `released`, unless the shape itself shows it.
         prior_sd: [6 + 3N] standard deviation of each variable before the scan is seen.
         prior_mean: [6 + 3N] its mean: the design.
+        end_m: [3] where a held end has its place; None: where the element's own design ends.
     """
 
     element: Element
@@ -52,10 +53,11 @@ class Problem:
     variables: npt.NDArray[np.intp]
     prior_sd: Array
     prior_mean: Array
+    end_m: Array | None = None
 
     @classmethod
-    def of(cls, element: Element, scan: Scan | None) -> Problem:
-        """Prepare the fit of ``element`` to ``scan``, or to no point at all."""
+    def of(cls, element: Element, scan: Scan | None, end_m: Array | None = None) -> Problem:
+        """Prepare the fit of ``element`` to ``scan``, or to no point at all; its end held at ``end_m`` [3]."""
         chain = Chain.of(element)
         surface = surface_of(element)
         T = element.placement.T_world_element
@@ -83,6 +85,7 @@ class Problem:
             np.flatnonzero(movable),
             sd,
             chain.with_q(element.design.angles_rad[:, ::-1].ravel()),
+            end_m,
         )
 
     def seeing(self, points: Array) -> Problem:

@@ -39,10 +39,25 @@ ReasonCode = Literal[
     "outliers_removed",
     "stations_not_used",
     "coarse_coordinates",
+    "length_not_measured",
+    "length_as_designed",
+    "length_by_held_end",
+    "longer_than_allowed",
+    "end_beside",
+    "without_effect",
 ]
 
 # What the reader should know, and no doubt: the same section out of its nominal size, points that were left out.
-NOTES = frozenset({"section_size", "outliers_removed"})
+NOTES = frozenset(
+    {
+        "section_size",
+        "outliers_removed",
+        "length_not_measured",
+        "length_as_designed",
+        "length_by_held_end",
+        "without_effect",
+    }
+)
 # Doubts that the covariance carries: who tests against it need not doubt again.
 PLACE = frozenset({"place_not_shown"})
 CARRIED = PLACE | {"bending_not_shown", "segments_not_scanned", "segments_inferred"}

@@ -2,8 +2,10 @@
 
 from __future__ import annotations
 
+import math
 from collections.abc import Iterable
 from dataclasses import dataclass, field, replace
+from functools import cached_property
 from typing import Literal
 
 import numpy as np
@@ -44,6 +46,22 @@ class SegmentResult:
     status: SegmentStatus
     points: int
     coverage: float
+    surface_rmse_m: float
+
+
+@dataclass(frozen=True)
+class SegmentCount:
+    """One number of segments that was tried where the scan chooses it.
+
+    Attributes:
+        segments: how many.
+        against: evidence against it, by which its Bayesian information criterion exceeds the least;
+            0 of the one that was chosen, above 10 is strong.
+        surface_rmse_m: of its fit.
+    """
+
+    segments: int
+    against: float
     surface_rmse_m: float
 
 
@@ -109,6 +127,11 @@ class FitResult:
             together, which differences between them need. None where a file does not have it.
         unobservable: what the scan does not show, in words: torsion of a round section, the
             place along the axis, bending across an axis with the nodes (from 0) it concerns.
+        length_m: along the axis, where the element's has a tolerance and the ends of the scan
+            tell it; None: as designed. All else in the result describes a chain of this length.
+        length_sd_m: its standard deviation; None where ``length_m`` is.
+        segment_counts: what was tried where the scan chose the number of segments, coarse ones first;
+            ``element`` has the chosen number.
     """
 
     element: Element
@@ -130,6 +153,22 @@ class FitResult:
     configuration_covariance: Array | None = None
     unobservable: tuple[str, ...] = ()
     reason_codes: tuple[str, ...] = ()
+    length_m: float | None = None
+    length_sd_m: float | None = None
+    segment_counts: tuple[SegmentCount, ...] = ()
+
+    @cached_property
+    def fitted_element(self) -> Element:
+        """The element with the length that was found: what ``q`` and ``base_pose`` are of."""
+        return self.element if self.length_m is None else self.element.with_length(self.length_m)
+
+    @property
+    def length_spread_m(self) -> float:
+        """Standard deviation of the length of the chain: as measured, as its tolerance leaves it, or 0 where known."""
+        if self.length_sd_m is not None:
+            return self.length_sd_m
+        # Anywhere within the tolerance: uniform has this deviation.
+        return self.element.length_tolerance_m / math.sqrt(3.0)
 
     @property
     def iterations(self) -> int:

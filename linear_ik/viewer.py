@@ -9,6 +9,7 @@ from __future__ import annotations
 import math
 import os
 import time
+from dataclasses import replace
 from pathlib import Path
 
 import numpy as np
@@ -159,8 +160,8 @@ class Viewer:
                 on_surface = self._local(scan.points[distances_m < largest_m])
             self.show_scan(scan, distances_m, largest_m)
         if found:
-            self.show_fit(result.element, result.q, result.base_pose)
-            lines = colour_segments(self._vis, result, segment_bodies(result.element), FITTED_OPACITY)
+            self.show_fit(result.fitted_element, result.q, result.base_pose)
+            lines = colour_segments(self._vis, result, segment_bodies(result.fitted_element), FITTED_OPACITY)
             ellipsoids = show_ellipsoids(self._vis, result, self._local)
             for colour, text in [*lines, *([ellipsoids] if ellipsoids else [])]:
                 self._caption(colour, text)
@@ -168,7 +169,7 @@ class Viewer:
             poses = [self._poses(q, base_pose) for _, q, base_pose in steps]
             self._vis["pairs"].delete()
             if len(on_surface):
-                show_pairs(self._vis, FittedSurface(result.element), on_surface, poses)
+                show_pairs(self._vis, FittedSurface(result.fitted_element), on_surface, poses)
             play_back(self._vis, poses)
             self.scene.tell("steps", labels=[label for label, _, _ in steps], fps=FPS, pairs=len(on_surface) > 0)
         self._caption(None, "status: " + result.status + "".join(f"\n{reason}" for reason in result.reasons))
@@ -177,6 +178,10 @@ class Viewer:
         """Show the state after one iteration; give it to `linear_ik.fit`."""
         if self._element is None:
             return
+        if len(record.q) != 3 * self._element.segments:
+            # The fit tries how many segments there are.
+            self._element = replace(self._element, segments=len(record.q) // 3, auto_segments=False)
+            self._chain = Chain.of(self._element)
         # A search has hundreds of short iterations, more than an eye can tell apart.
         if record.phase == "search" and time.monotonic() - self._shown_s < LEAST_BETWEEN_S:
             return
@@ -260,7 +265,7 @@ class Viewer:
     def _distances(self, result: FitResult, scan: Scan) -> Array:
         """Return the distance of every point [P] to the fitted surface."""
         poses = self._poses(result.q, result.base_pose)
-        return FittedSurface(result.element).distances_m(self._local(scan.points), poses)
+        return FittedSurface(result.fitted_element).distances_m(self._local(scan.points), poses)
 
     def _look_at(self, start: Array, end: Array, side: Array) -> None:
         """Turn the camera to what lies between two points, from one side and a little above.

@@ -29,7 +29,8 @@ def test_a_sagging_beam() -> None:
     """A circular arc: offset from the chord L^2/8R at the middle, end slopes L/2R."""
     beam = Element("beam", H, 5.0, 50, BEAM)
     # Turning about local X = north tips the direction east towards -Y = down.
-    d = deviations(posed(beam, bent(beam, 0, 0.01)))
+    # Here the nodes are on the arc, as those of a chain that is fitted to one are not.
+    d = deviations(posed(beam, bent(beam, 0, 0.01)), smooth=False)
     assert d.bow_m.value == pytest.approx(25 / 8 * 0.01, rel=0.002)
     assert d.bow_m.node in (25, 26)
     assert d.sag_m.value == pytest.approx(-d.bow_m.value, rel=1e-6)  # the arc's middle is above its chord

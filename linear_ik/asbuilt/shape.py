@@ -38,7 +38,7 @@ class BentShape:
     """A fitted element.
 
     Attributes:
-        element: the design.
+        element: the design, of the length that was found.
         nodes_m: [N+1][3].
         rotations: [N][3][3] orientation of each segment: its columns are the section's X and Y and the direction.
     """
@@ -54,7 +54,7 @@ def bent_shape(result: FitResult) -> BentShape:
     Raises:
         AsBuiltError: nodes that are not finite, or that are not where the angles lead.
     """
-    element, nodes = result.element, np.asarray(result.nodes_m, dtype=np.float64)
+    element, nodes = result.fitted_element, np.asarray(result.nodes_m, dtype=np.float64)
     angles = np.asarray(result.joint_angles_rad, dtype=np.float64)
     base = np.asarray(result.base_pose, dtype=np.float64)
     if not (np.isfinite(nodes).all() and np.isfinite(angles).all() and np.isfinite(base).all()):

@@ -5,7 +5,7 @@ from __future__ import annotations
 import sys
 from collections.abc import Callable
 from pathlib import Path
-from typing import TYPE_CHECKING, Annotated
+from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
@@ -24,7 +24,7 @@ from linear_ik.cli.judging import (
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
-from linear_ik.errors import SettingsError
+from linear_ik.errors import ElementError, LinearIkError, SettingsError
 
 if TYPE_CHECKING:
     from linear_ik.element import Element
@@ -67,6 +67,9 @@ def fit(
         Path | None,
         file_option("--glb", metavar="OUT.glb", about="Also the bent body, for 3D viewers."),
     ] = None,
+    smooth: Annotated[
+        bool, typer.Option("--smooth", help="With --glb: one body along the curve behind the segments.")
+    ] = False,
     record: Annotated[
         Path | None,
         file_option("--record", metavar="PAGE.html", about="Also one page that plays the iterations back."),
@@ -106,7 +109,14 @@ def fit(
     classes: Annotated[
         list[str] | None, typer.Option("--class", metavar="IfcBeam", help="Fit this class; repeatable.")
     ] = None,
-    segments: Annotated[int | None, typer.Option("--segments", help="Of every element.")] = None,
+    segments: Annotated[
+        str | None,
+        typer.Option("--segments", metavar="N|auto", help="In place of the design's; auto: as the scan asks for."),
+    ] = None,
+    length_tolerance: Annotated[
+        float | None,
+        typer.Option("--length-tolerance", metavar="METRES", help="How far each length may be from its design; 0."),
+    ] = None,
     transform: Annotated[
         Path | None,
         file_option(
@@ -142,7 +152,7 @@ def fit(
     for_models: dict[str, object] = {
         "only": None if only is None else tuple(guid.strip() for guid in only.split(",") if guid.strip()),
         "classes": None if classes is None else tuple(classes),
-        "segments": segments,
+        "length_tolerance_m": length_tolerance,
         "reach_m": reach,
         "max_points": max_points,
         "memory_mb": memory,
@@ -158,6 +168,7 @@ def fit(
             "not with a design model",
             urdf=urdf,
             glb=glb,
+            smooth=smooth or None,
             record=record,
             view=view or None,
             tolerances=tolerances,
@@ -168,8 +179,11 @@ def fit(
         )
         settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
         for_models["scan_unit"] = scan_unit
+        for_models["segments"] = None if segments is None else _segments(segments)
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
+    if smooth and glb is None:
+        raise LinearIkError("--smooth", "given without --glb", "both")
     to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None
@@ -188,6 +202,8 @@ def fit(
     from linear_ik.element_file import load_element
 
     design = load_element(element)
+    if segments is not None:
+        design = _with_segments(design, _segments(segments))
     progress = Progress(quiet)
     with progress.stage("reading " + ", ".join(str(path) for path in scan), judges_input=True):
         from linear_ik.readers import read_scan
@@ -203,7 +219,7 @@ def fit(
         except SettingsError as error:
             raise about_options(error) from None
     with progress.stage("writing"):
-        _write_bodies(result, urdf_target, glb_target)
+        _write_bodies(result, urdf_target, glb_target, smooth)
         from linear_ik.exports.result_json import result_to_json, write_result
 
         judged = judge(result, profile, known)
@@ -256,6 +272,33 @@ def _settings(
         raise about_options(error, range_noise_m="--range-noise", systematic_error_m="--systematic-error") from None
 
 
+def _segments(text: str) -> int | Literal["auto"]:
+    """Return a number of segments, or auto.
+
+    Raises:
+        LinearIkError: something else.
+    """
+    if text == "auto":
+        return "auto"
+    try:
+        return int(text)
+    except ValueError:
+        raise LinearIkError("--segments", repr(text), "a whole number, or auto") from None
+
+
+def _with_segments(design: Element, segments: int | Literal["auto"]) -> Element:
+    from dataclasses import replace
+
+    from linear_ik.element import SEGMENTS
+
+    try:
+        if segments == "auto":
+            return replace(design, segments=SEGMENTS, auto_segments=True)
+        return replace(design, segments=segments, auto_segments=False)
+    except ElementError as error:
+        raise error.about("--segments") if error.subject == "segments" else error from None
+
+
 def _open_viewer(design: Element, points: Scan, wait: bool) -> Viewer:
     from linear_ik.cli.view import open_browser
     from linear_ik.viewer import Viewer
@@ -282,18 +325,22 @@ def _listener(progress: Progress, viewer: Viewer | None, quiet: bool) -> Callabl
     return on_iteration
 
 
-def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None) -> None:
+def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None, smooth: bool) -> None:
     # An element that was not found has no shape to export.
     if result.status == "not_scanned":
         return
     if urdf is not None:
         from linear_ik.exports.fitted_urdf import write_fitted_urdf
 
-        write_fitted_urdf(result.element, result.q, result.base_pose, urdf)
-    if glb is not None:
+        write_fitted_urdf(result.fitted_element, result.q, result.base_pose, urdf)
+    if glb is not None and smooth:
+        from linear_ik.exports.glb import write_smooth_glb
+
+        write_smooth_glb(result, glb)
+    elif glb is not None:
         from linear_ik.exports.glb import write_glb
 
-        write_glb(result.element, result.q, result.base_pose, glb)
+        write_glb(result.fitted_element, result.q, result.base_pose, glb)
 
 
 def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path]) -> None:

@@ -32,6 +32,7 @@ OPTIONS = {
     "memory_mb": "--memory",
     "reach_m": "--reach",
     "legend_m": "--legend",
+    "length_tolerance_m": "--length-tolerance",
 }
 
 

@@ -4,12 +4,13 @@ from __future__ import annotations
 
 import math
 from collections import Counter
+from collections.abc import Sequence
 
 import numpy as np
 
-from linear_ik.deviation_bands import band_along
+from linear_ik.deviation_bands import BAND_95, band_along
 from linear_ik.errors import LinearIkError
-from linear_ik.result import FitResult
+from linear_ik.result import FitResult, SegmentCount
 
 
 def describe(result: FitResult) -> list[str]:
@@ -19,12 +20,16 @@ def describe(result: FitResult) -> list[str]:
     if result.status != "not_scanned":
         lines.append(_line("tip", tip_displacement(result)))
         lines += [_line("bow", text) for text in bow(result)]
+        if result.length_m is not None and result.length_sd_m is not None:
+            lines.append(_line("length", fitted_length(result.length_m, result.length_sd_m, result.element.length_m)))
         noise = f", noise {1000 * result.range_noise_m:.2f} mm" if math.isfinite(result.range_noise_m) else ""
         points = sum(segment.points for segment in result.segments)
         rms = f"{1000 * result.surface_rmse_m:.2f} mm rms over {points:,} matched points{noise}"
         lines.append(_line("surface", rms))
     counts = Counter(segment.status.replace("_", " ") for segment in result.segments)
     lines.append(_line("segments", ", ".join(f"{n} {status}" for status, n in counts.items())))
+    if result.segment_counts:
+        lines.append(_line("", chosen_count(result.segment_counts)))
     seconds = result.timings_s.get("total", math.nan)
     took = f" in {seconds:.2f} s" if math.isfinite(seconds) else ""
     lines.append(_line("iterations", f"{result.iterations}{took}"))
@@ -55,6 +60,19 @@ def bow(result: FitResult) -> list[str]:
         return []
     band = "band unknown" if found.band is None else f"+- {1000 * found.band:.2f} mm (95 %)"
     return [f"{1000 * found.value:.2f} mm from the chord between its ends, {band}"]
+
+
+def fitted_length(length_m: float, sd_m: float, designed_m: float) -> str:
+    """Return a length that was measured, with its 95 % band, and how far it is from the designed one."""
+    change_mm = 1000 * (length_m - designed_m)
+    return f"{length_m:.4f} m, +- {1000 * BAND_95 * sd_m:.2f} mm (95 %), {change_mm:+.2f} mm from the design"
+
+
+def chosen_count(tried: Sequence[SegmentCount]) -> str:
+    """Return which number of segments the scan asks for, and how strongly it speaks against the others."""
+    chosen = next(count.segments for count in tried if count.against == 0.0)
+    others = ", ".join(f"{count.segments}: {count.against:,.0f}" for count in tried if count.segments != chosen)
+    return f"{chosen} by the evidence" + (f" (against {others})" if others else "; no other number made sense")
 
 
 def _line(label: str, text: str) -> str:

@@ -30,7 +30,7 @@ def write_fitted_urdf(
     Pinocchio's order, and ``base_pose``, which places the URDF's base in the scan.
 
     Args:
-        element: the design that was fitted.
+        element: what was fitted, `FitResult.fitted_element`.
         q: [3N] (z, y, x) a segment, radians.
         base_pose: [4][4] T_world_base.
         path: of the URDF; missing folders are made.

@@ -5,6 +5,7 @@ from __future__ import annotations
 import os
 from io import BytesIO
 from pathlib import Path
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -12,7 +13,9 @@ import numpy.typing as npt
 from linear_ik.atomic import check_writable, write_atomically
 from linear_ik.element import Element
 from linear_ik.exports.posed import Array, check_posed
-from linear_ik.section import extruded_mesh
+from linear_ik.result import FitResult
+from linear_ik.section import cap_triangles, extruded_mesh, outlines, side_triangles
+from linear_ik.smooth_axis import smooth_axis
 from linear_ik.urdf import RGBA, generate_urdf, joint_names, segment_names
 
 # Viewers compute in single precision: at this distance they are 0.01 mm off.
@@ -29,7 +32,7 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
     ``linear_ik.local_origin_m`` is the point in the scan's coordinates.
 
     Args:
-        element: the design that was fitted.
+        element: what was fitted, `FitResult.fitted_element`.
         q: [3N] (z, y, x) a segment, radians.
         base_pose: [4][4] T_world_base.
         path: of the GLB; missing folders are made.
@@ -43,7 +46,6 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
     """
     import trimesh
     from trimesh.visual import TextureVisuals
-    from trimesh.visual.material import PBRMaterial
 
     angles, pose = check_posed(element, q, base_pose)
     target = check_writable(path)
@@ -51,19 +53,14 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
     T_scan_base = pose.copy()  # noqa: N806 (T_target_source)
     T_scan_base[:3, 3] -= origin
 
-    colour = [round(255 * c) for c in RGBA]
-    material = PBRMaterial(baseColorFactor=colour, metallicFactor=0.1, roughnessFactor=0.7)
-    bodies = {}
+    material, bodies = _material(), {}
     for k, name in enumerate(segment_names(element.segments) if element.is_tapered else ["segment"]):
         start, end = element.segment_profiles(k)
         bodies[name] = extruded_mesh(start, element.segment_length_m, end)
         bodies[name].metadata.clear()
         bodies[name].visual = TextureVisuals(material=material)
 
-    scene = trimesh.Scene(base_frame="world")
-    scene.metadata["linear_ik"] = {"name": element.name, "local_origin_m": origin.tolist()}
-    y_up = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)).round(12)
-    scene.graph.update(frame_from="world", frame_to="scan", matrix=y_up)
+    scene = _scene(element, origin)
     scene.graph.update(frame_from="scan", frame_to="base", matrix=T_scan_base)
     scene.geometry.update(bodies)
     for name, T_base_link in _forward_kinematics(element, angles).items():
@@ -71,6 +68,65 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
         scene.graph.update(frame_from="base", frame_to=name, matrix=T_base_link, **shape)
     # Without normals glTF shades each face flat, as the faces of a section are.
     return write_atomically(target, trimesh.exchange.gltf.export_glb(scene, include_normals=False))
+
+
+def write_smooth_glb(result: FitResult, path: str | os.PathLike[str], pieces: int = 4) -> Path:
+    """Write the fitted member as GLB, one body along its smooth axis (`smooth_axis`).
+
+    Nodes: ``world`` -> ``scan`` -> ``member``; axes and local origin as in `write_glb`. The extras'
+    ``linear_ik.axis_m`` are the points of the axis, in the coordinates of ``scan``.
+
+    Args:
+        result: of a fit that found the element.
+        path: of the GLB; missing folders are made.
+        pieces: into how many each segment is divided.
+
+    Returns:
+        The path.
+
+    Raises:
+        OutputError: a path that cannot be written to.
+    """
+    import trimesh
+    from trimesh.visual import TextureVisuals
+
+    target = check_writable(path)
+    axis, element = smooth_axis(result, pieces), result.element
+    origin = _local_origin(axis.points_m[0])
+    length_m = float(axis.s_m[-1])
+    sections = [outlines(element.profile_at(float(s_m) / length_m)) for s_m in axis.s_m]
+    rings = [
+        point - origin + np.concatenate(section) @ R[:, :2].T
+        for point, R, section in zip(axis.points_m, axis.rotations, sections, strict=True)
+    ]
+    m, sides = len(rings[0]), side_triangles(sections[0])
+    triangles = [cap_triangles(sections[0])[:, ::-1], *(sides + i * m for i in range(len(rings) - 1))]
+    triangles.append(cap_triangles(sections[-1]) + (len(rings) - 1) * m)
+    body = trimesh.Trimesh(np.concatenate(rings), np.concatenate(triangles), process=False)
+    body.metadata.clear()
+    body.visual = TextureVisuals(material=_material())
+    scene = _scene(element, origin)
+    scene.metadata["linear_ik"]["axis_m"] = (axis.points_m - origin).tolist()
+    scene.geometry["member"] = body
+    scene.graph.update(frame_from="scan", frame_to="member", matrix=np.eye(4), geometry="member")
+    return write_atomically(target, trimesh.exchange.gltf.export_glb(scene, include_normals=False))
+
+
+def _material() -> Any:
+    from trimesh.visual.material import PBRMaterial
+
+    return PBRMaterial(baseColorFactor=[round(255 * c) for c in RGBA], metallicFactor=0.1, roughnessFactor=0.7)
+
+
+def _scene(element: Element, origin: Array) -> Any:
+    """Return a scene with the scan's axes in it, Y up as glTF asks."""
+    import trimesh
+
+    scene = trimesh.Scene(base_frame="world")
+    scene.metadata["linear_ik"] = {"name": element.name, "local_origin_m": origin.tolist()}
+    y_up = trimesh.transformations.rotation_matrix(-np.pi / 2, (1, 0, 0)).round(12)
+    scene.graph.update(frame_from="world", frame_to="scan", matrix=y_up)
+    return scene
 
 
 def _forward_kinematics(element: Element, q: Array) -> dict[str, Array]:

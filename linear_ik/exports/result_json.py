@@ -18,9 +18,10 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.atomic import write_atomically
+from linear_ik.element import Element
 from linear_ik.element_file import element_from_mapping, element_to_mapping
 from linear_ik.errors import LinearIkError
-from linear_ik.result import FitResult, IterationRecord, SegmentResult, SegmentStatus, Status
+from linear_ik.result import FitResult, IterationRecord, SegmentCount, SegmentResult, SegmentStatus, Status
 from linear_ik.settings import FitSettings
 
 SCHEMA = "linear_ik/result/1"
@@ -28,6 +29,7 @@ PACKAGES = ("linear_ik", "numpy", "open3d", "open3d-cpu", "osqp", "pin", "qpsolv
 # 500 segments would take 50 MB, 100 take 2.
 MOST_WITH_COVARIANCE = 100
 POSE_DIGITS = 5
+CLOSE_M = 1e-9
 EXPECTED = f'a result that linear_ik wrote, schema "{SCHEMA}"'
 
 Array = npt.NDArray[np.float64]
@@ -53,6 +55,9 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "joint_angles_rad": _plain(result.joint_angles_rad),
         "joint_limits_rad": _plain(result.joint_limits_rad),
         "base_pose": _plain(result.base_pose),
+        "length_m": _plain(result.length_m),
+        "length_sd_m": _plain(result.length_sd_m),
+        "segment_counts": [_plain(asdict(tried)) for tried in result.segment_counts],
         "rmse_m": _plain(result.rmse_m),
         "surface_rmse_m": _plain(result.surface_rmse_m),
         "range_noise_m": _plain(result.range_noise_m),
@@ -205,7 +210,36 @@ def result_from_mapping(mapping: object) -> FitResult:
         if joint is None
         else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
         unobservable=tuple(str(what) for what in _list("unobservable", top.get("unobservable", []))),
+        **_length(top, element),
+        segment_counts=_counts(top.get("segment_counts", []), n),
     )
+
+
+def _length(top: Mapping[str, Any], element: Element) -> dict[str, float | None]:
+    """Return the fitted length and its deviation; results of earlier versions have none."""
+    values = {key: top.get(key) for key in ("length_m", "length_sd_m")}
+    given = {key: _number(key, value) for key, value in values.items() if value is not None}
+    if not given:
+        return {}
+    if len(given) < 2:
+        raise ResultError("length_m", "with one of length_m and length_sd_m null", "both or none")
+    length_m, sd_m = given["length_m"], given["length_sd_m"]
+    if not abs(length_m - element.length_m) <= element.length_tolerance_m + CLOSE_M:
+        raise ResultError("length_m", f"{length_m:g}", "within length_tolerance_m of the element's length")
+    if not 0.0 <= sd_m < math.inf:
+        raise ResultError("length_sd_m", f"{sd_m:g}", "metres, 0 or more")
+    return {"length_m": length_m, "length_sd_m": sd_m}
+
+
+def _counts(rows: object, n: int) -> tuple[SegmentCount, ...]:
+    """Return the numbers of segments that were tried; results of earlier versions have none."""
+    tried = tuple(
+        _build(SegmentCount, f"segment_counts[{i}]", _mapping(f"segment_counts[{i}]", row))
+        for i, row in enumerate(_list("segment_counts", rows))
+    )
+    if tried and n not in [count.segments for count in tried]:
+        raise ResultError("segment_counts", f"without the element's {n}", "what was tried, the chosen one among it")
+    return tried
 
 
 def versions() -> dict[str, str]:

@@ -298,4 +298,4 @@ def _own_points(facts: Facts) -> int:
 def _reach_m(member: Member, options: ModelFitOptions) -> float:
     element = member.element
     loose = element.placement_tolerance.translation_m if element.start in ("free", "roller") else 0.0
-    return options.reach_m + loose
+    return options.reach_m + loose + element.length_tolerance_m

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Sequence
 from dataclasses import dataclass
 from numbers import Integral, Real
+from typing import Literal
 
 import numpy as np
 import numpy.typing as npt
@@ -28,7 +29,8 @@ class ModelFitOptions:
         max_points: of one element; where there are more, as many of every stretch of its length.
         reach_m: how far an element's points may be from its designed surface, its placement
             tolerance apart.
-        segments: of every element, in place of the design's.
+        segments: of every element, in place of the design's; "auto": as many as its scan asks for.
+        length_tolerance_m: of every element, in place of its own 0: how far its length may be from the design's.
         only: GlobalIds; all when empty.
         classes: such as IfcBeam; all when empty.
         scan_unit: of the files' numbers: m, mm, cm, in, ft or us-ft.
@@ -47,7 +49,8 @@ class ModelFitOptions:
     memory_mb: float = 512.0
     max_points: int = 100_000
     reach_m: float = 0.15
-    segments: int | None = None
+    segments: int | Literal["auto"] | None = None
+    length_tolerance_m: float | None = None
     only: Sequence[str] = ()
     classes: Sequence[str] = ()
     scan_unit: str = "m"
@@ -65,10 +68,13 @@ class ModelFitOptions:
             ("max_points", 1000, 10**8, True),
             ("memory_mb", 16.0, 1e6, False),
             ("reach_m", 0.0, 10.0, False),
+            ("length_tolerance_m", 0.0, 10.0, False),
             ("legend_m", 1e-6, 10.0, False),
         ):
             value = getattr(self, name)
-            if value is None and name in ("workers", "segments"):
+            if name == "segments" and value == "auto":
+                continue
+            if value is None and name in ("workers", "segments", "length_tolerance_m"):
                 continue
             kind: type = Integral if whole else Real
             if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:  # type: ignore[operator]

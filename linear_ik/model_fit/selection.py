@@ -9,7 +9,8 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.design_model import DesignModel, Member
-from linear_ik.errors import LinearIkError, SettingsError
+from linear_ik.element import SEGMENTS
+from linear_ik.errors import ElementError, LinearIkError, SettingsError
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.scene import element_mesh
 
@@ -53,12 +54,23 @@ def select(model: DesignModel, options: ModelFitOptions) -> tuple[list[Member], 
     if not chosen:
         raise LinearIkError(model.source, "no element is in both --only and --class", "at least one")
     if options.segments is not None:
-        chosen = [replace(m, element=replace(m.element, segments=options.segments)) for m in chosen]
+        auto = options.segments == "auto"
+        segments = SEGMENTS if options.segments == "auto" else options.segments
+        chosen = [replace(m, element=replace(m.element, segments=segments, auto_segments=auto)) for m in chosen]
+    if options.length_tolerance_m is not None:
+        chosen = [_with_tolerance(m, options.length_tolerance_m) for m in chosen]
     bodies = [(o.vertices_m, o.triangles) for o in model.obstacles]
     for member in rest:
         mesh = element_mesh(member.element)
         bodies.append((mesh.vertices, mesh.triangles))
     return chosen, bodies
+
+
+def _with_tolerance(member: Member, tolerance_m: float) -> Member:
+    try:
+        return replace(member, element=replace(member.element, length_tolerance_m=tolerance_m))
+    except ElementError as error:
+        raise SettingsError("length_tolerance_m", f"{error.what} for {member.guid}", error.expected) from None
 
 
 def _kind(ifc_class: str) -> str:

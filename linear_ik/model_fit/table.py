@@ -119,7 +119,7 @@ def figures(result: FitResult) -> dict[str, float]:
         "max_offset_mm": 1e3 * size[k],
         # A node that is less far out but less well known may be the farthest.
         "max_offset_band95_mm": 1e3 * ((size + band).max() - size[k]),
-        "max_offset_at_m": k * element.segment_length_m,
+        "max_offset_at_m": k * result.fitted_element.segment_length_m,
         "start_offset_mm": 1e3 * size[0],
         "start_offset_band95_mm": 1e3 * band[0],
         "end_offset_mm": 1e3 * size[-1],

@@ -10,10 +10,12 @@ import numpy.typing as npt
 
 from linear_ik.report.cloud import NearPoints
 from linear_ik.result import FitResult
+from linear_ik.smooth_axis import smooth_axis
 
 Array = npt.NDArray[np.float64]
 
 MOST_RINGS = 60
+PIECES = 4  # of a segment
 MOST_CORNERS = 24
 STEPS = 32_000  # of a 16-bit coordinate, over the larger half of the view
 
@@ -42,7 +44,19 @@ def body_data(
         "start": _corners(element.profile.outline()),
         "end": _corners(element.profile_at(1.0).outline()),
     }
-    if frames is not None:
+    pieces = PIECES if PIECES * element.segments < MOST_RINGS else 1
+    if frames is not None and pieces > 1:
+        # The page exaggerates what moved: a chain's corners would show.
+        axis = smooth_axis(result, pieces)
+        once = np.concatenate([[True], np.diff(axis.s_m) > 0])  # a kink has two, of which one is drawn
+        t = axis.s_m[once] / result.fitted_element.segment_length_m
+        out["after"] = _turned(axis.points_m[once] - origin, axis.rotations[once])
+        k = np.minimum(t.astype(int), element.segments - 1)
+        between = designed[k] + (t - k)[:, None] * (designed[k + 1] - designed[k])
+        sections = _rings(designed, T[:3, :3] @ element.design.rotations)[:, 3:]
+        middle = (t - k)[:, None] * sections[k + 1] + (1.0 - (t - k))[:, None] * sections[k]
+        out["before"] = np.round(np.concatenate([between - origin, middle], axis=1), 5).tolist()
+    elif frames is not None:
         out["after"] = _rings(result.nodes_m - origin, frames[:, :3, :3])[keep].tolist()
     if near is not None and len(near.points):
         rows = np.arange(len(near.points))
@@ -52,9 +66,16 @@ def body_data(
         scale = float(np.abs(local).max()) / STEPS
         out["scale"] = scale
         out["points"] = _packed(np.round(local / scale), "<i2")
-        out["along"] = _packed(np.round(65535 * near.s_m[rows] / element.length_m), "<u2")
+        out["along"] = _packed(np.round(65535 * near.s_m[rows] / result.fitted_element.length_m), "<u2")
         out["distance"] = _packed(np.clip(255 * near.distance_m[rows] / largest_m, 0, 255), "u1")
     return out
+
+
+def _turned(points: Array, rotations: Array) -> list[list[float]]:
+    rings: list[list[float]] = np.round(
+        np.concatenate([points, rotations[:, :, 0], rotations[:, :, 1]], axis=1), 5
+    ).tolist()
+    return rings
 
 
 def _rings(nodes: Array, rotations: Array) -> Array:

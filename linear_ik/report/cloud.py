@@ -145,13 +145,14 @@ def _rows(near: NearPoints, rows: Index) -> NearPoints:
 
 def T_world_segments(result: FitResult) -> Array:  # noqa: N802 (T_target_source, as small_gicp names transforms)
     """Return the frame [N][4][4] of each fitted segment."""
-    return np.asarray(result.base_pose @ Chain.of(result.element).segment_poses(result.q))
+    return np.asarray(result.base_pose @ Chain.of(result.fitted_element).segment_poses(result.q))
 
 
 def _beside(result: FitResult, T: Array, points: Array) -> NearPoints:
     """Return where points lie; those past the ends, or far beside, are infinitely far."""
-    step_m, n = result.element.segment_length_m, result.element.segments
-    surface = surface_of(result.element)
+    element = result.fitted_element
+    step_m, n = element.segment_length_m, element.segments
+    surface = surface_of(element)
     reach = surface.reach_m + NEAR_M
     segment, xy = np.zeros(len(points), dtype=np.intp), np.zeros((len(points), 2))
     s_m, distance = np.zeros(len(points)), np.full(len(points), np.inf)

@@ -233,7 +233,7 @@ def _sections(
     sections_m: Sequence[float],
 ) -> list[dict[str, Any]]:
     """Return sections at the places asked for, or at the quarters and where the bow is."""
-    result, element = member.result, member.result.element
+    result, element = member.result, member.result.fitted_element
     step_m, out = element.segment_length_m, []
     T, R_design = element.placement.T_world_element, element.design.rotations
     designed_nodes = found.specified_m @ T[:3, :3].T + T[:3, 3]

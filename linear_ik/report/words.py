@@ -126,7 +126,7 @@ def _allowed(verdict: Verdict, unit: str, factor: float) -> str:
 
 def seen(result: FitResult) -> list[str]:
     """Return sentences on what was scanned and what was not."""
-    step_m, out = result.element.segment_length_m, []
+    step_m, out = result.fitted_element.segment_length_m, []
     for status, words in (("not_scanned", "not scanned"), ("inferred", "inferred from what lies on both sides")):
         runs = grouped(k for k, segment in enumerate(result.segments) if segment.status == status)
         out += [f"{run[0] * step_m:.2f} to {(run[-1] + 1) * step_m:.2f} m: {words}" for run in runs]

@@ -45,8 +45,8 @@ class Body:
         """Return the body as it was found."""
         limits = result.joint_limits_rad
         angles = np.clip(result.joint_angles_rad, limits[..., 0], limits[..., 1])
-        bent = bend_element(result.element, joint_angles_rad=angles)
-        return cls(result.element, result.base_pose, bent.T_base_segment)
+        bent = bend_element(result.fitted_element, joint_angles_rad=angles)
+        return cls(result.fitted_element, result.base_pose, bent.T_base_segment)
 
     @cached_property
     def _matcher(self) -> Matcher:

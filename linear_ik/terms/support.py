@@ -12,7 +12,7 @@ from linear_ik.terms.objective import Objective
 Array = npt.NDArray[np.float64]
 
 
-def end_support(element: Element, pose: Pose, weight: float) -> Objective:
+def end_support(element: Element, pose: Pose, weight: float, end_m: Array | None = None) -> Objective:
     """Return the pull of the end support towards its place in the design.
 
     roller: the end node stays on the design axis where that ends (2 equations); pinned: it stays within
@@ -25,6 +25,7 @@ def end_support(element: Element, pose: Pose, weight: float) -> Objective:
         element: the design, its end held; its frame is the pose's.
         pose: the chain now.
         weight: [cost]; the variance a residual of one tolerance is worth.
+        end_m: [3] where the end is held; None: where the element's own design ends.
 
     Returns:
         The term over all variables [6 + 3N].
@@ -33,7 +34,8 @@ def end_support(element: Element, pose: Pose, weight: float) -> Objective:
     designed = element.design.rotations[-1].T
     rows = 2 if element.end == "roller" else 3
     A = (designed @ pose.node_jacobians()[-1])[:rows]
-    r = (designed @ (pose.nodes_m[-1] - element.design.nodes_m[-1]))[:rows]
+    held_m = element.design.nodes_m[-1] if end_m is None else end_m
+    r = (designed @ (pose.nodes_m[-1] - held_m))[:rows]
     if element.end == "fixed":
         z = pose.rotations[-1, :, 2]
         # d z = w x z: the last segment's direction turns with its angular velocity.
