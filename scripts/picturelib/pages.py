@@ -90,7 +90,9 @@ def played(tab: Tab, page: Path, picture: Path, share: float, pairs: bool = Fals
         " s.dispatchEvent(new Event('input')); }"
     )
     time.sleep(DRAWN_S)
-    return small(tab.shot(picture))
+    # In all its colours: those of small marks are lost otherwise, or the ground's shades.
+    Image.open(tab.shot(picture)).convert("RGB").save(picture, optimize=True)
+    return picture
 
 
 def report(tab: Tab, page: Path, picture: Path, width: int, height: int, tag: str = "") -> Path:
@@ -116,8 +118,6 @@ def plots(tab: Tab, page: Path, picture: Path) -> Path:
 
 
 def small(picture: Path) -> Path:
-    """Write a picture anew with 256 colours, which pages do not miss; the rare ones, as of marks, are kept."""
-    colours = Image.open(picture).convert("RGB")
-    few = colours.quantize(256, method=Image.Quantize.MAXCOVERAGE, dither=Image.Dither.NONE)
-    few.save(picture, optimize=True)
+    """Write a picture anew with 256 colours, which a report does not miss."""
+    Image.open(picture).convert("RGB").quantize(256, dither=Image.Dither.NONE).save(picture, optimize=True)
     return picture
