@@ -48,7 +48,7 @@ class Bands:
         return cls(own, joint.reshape(len(own), 3, len(own), 3))
 
     def carried(self, D: Array) -> Bands:
-        """Return the covariances of ``D n``, of the nodes n, whose joint one is known, and coefficients D [N+1][N+1]."""
+        """Return the covariances of ``D n``, of the nodes n, their joint one known, and coefficients D [N+1][N+1]."""
         assert self.joint is not None
         joint = np.einsum("ka,aibj,lb->kilj", D, self.joint, D, optimize=True)
         return Bands(np.einsum("kikj->kij", joint), joint)
