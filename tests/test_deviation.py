@@ -176,7 +176,7 @@ def test_bands_are_those_of_drawn_chains() -> None:
     R = beam.placement.T_world_element[:3, :3]
     own = R @ np.einsum("kai,ij,kbj->kab", A, S, A) @ R.T
     result = replace(result, configuration_covariance=S, nodes_covariance_m2=own)
-    d, chain, seen = deviations(result), Chain.of(beam), []
+    d, chain, seen = deviations(result, smooth=False), Chain.of(beam), []
     for draw in rng.multivariate_normal(np.zeros(30), S, size=600):
         x = np.concatenate([np.zeros(6), result.q]) + draw
         base = beam.placement.T_world_element @ chain.base_pose(x)
@@ -196,7 +196,7 @@ def test_bounds_hold_where_nodes_say_nothing_of_each_other() -> None:
     """Without the joint covariance bands grow, and stay above those with it."""
     beam = Element("beam", H, 4.0, 8, BEAM)
     result = posed(beam, bent(beam, 1, 0.02))
-    known, bound = deviations(result), deviations(replace(result, configuration_covariance=None))
+    known, bound = (deviations(r, smooth=False) for r in (result, replace(result, configuration_covariance=None)))
     assert known.joint and not bound.joint and bound.straight_bow_m is None
     for name in ("offset_m", "departure_m", "slope_rad", "curvature_1_m"):
         wide, right = getattr(bound, name), getattr(known, name)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import json
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,8 +13,8 @@ from posed import BEAM, H, bent, posed
 import linear_ik
 from linear_ik import Circle, Element, Placement, simulate, smooth_axis, write_smooth_glb
 from linear_ik.deviation import deviations
-from linear_ik.deviation_bands import BAND_95
-from linear_ik.smooth_axis import kinks, node_operator
+from linear_ik.deviation_bands import BAND_95, Bands
+from linear_ik.smooth_axis import curve_of, kinks, node_operator
 
 FINE, LENGTH_M, SAG_M = 100, 5.0, 0.040
 LYING = Placement((0.0, 0.0, 0.0), (1.0, 0.0, 0.0), (0.0, 1.0, 0.0))
@@ -134,6 +135,22 @@ def test_nodes_stay_the_chains_and_straight_members_straight():
     np.testing.assert_allclose(axis.points_m[[0, -1]], result.nodes_m, rtol=0, atol=1e-9)
     two = posed(Element("m", Circle(0.05), 2.0, 2, BEAM), np.radians([[0.0, 0, 0], [3.0, 0, 0]]))
     assert smooth_axis(two).kinks == (1,)
+
+
+def test_bands_go_with_the_curve():
+    result = posed(Element("m", H, 5.0, 10, BEAM), bent(Element("m", H, 5.0, 10, BEAM), 0, 0.02))
+    D, bands = curve_of(result), Bands.of(result)
+    flat = np.kron(D, np.eye(3))
+    carried = bands.carried(D)
+    np.testing.assert_allclose(
+        carried.joint.reshape(33, 33), flat @ bands.joint.reshape(33, 33) @ flat.T, rtol=0, atol=1e-15
+    )
+    np.testing.assert_allclose(carried.own, [carried.joint[k, :, k] for k in range(11)], rtol=0, atol=0)
+    # Nodes that do not say how they vary together: the chain itself.
+    alone = replace(result, configuration_covariance=None)
+    chain = deviations(result, smooth=False)
+    np.testing.assert_array_equal(deviations(alone).offset_m.xy, chain.offset_m.xy)
+    assert np.abs(deviations(result).offset_m.xy - chain.offset_m.xy).max() > 1e-4
 
 
 def test_a_smooth_body(tmp_path):

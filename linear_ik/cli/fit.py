@@ -115,7 +115,7 @@ def fit(
     ] = None,
     length_tolerance: Annotated[
         float | None,
-        typer.Option("--length-tolerance", metavar="METRES", help="How far each length may be from its design; 0."),
+        typer.Option("--length-tolerance", metavar="METRES", help=FOR_MODELS + "how far a length may be off; 0."),
     ] = None,
     transform: Annotated[
         Path | None,
