@@ -11,7 +11,7 @@ from linear_ik.chain import BASE, Pose
 from linear_ik.problem import Problem
 from linear_ik.reason import Reason
 from linear_ik.result import SegmentResult, SegmentStatus
-from linear_ik.tally import COVERAGE_RADIUS, Tally
+from linear_ik.tally import BESIDE, COVERAGE_RADIUS, MATCHED, Tally
 from linear_ik.uncertainty import LARGEST_NOISE_M
 
 Array = npt.NDArray[np.float64]
@@ -20,25 +20,29 @@ Mask = npt.NDArray[np.bool_]
 LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
+FLAT_BY_CHANCE = BESIDE / MATCHED - 1.0
 MOST_SPREAD_M = 0.010
 # Across the axis; more than a node may be unsure by where a fit claims to be right, unless points scatter more.
 MOST_ACROSS_M = 0.002
 
 
-def assess_segments(problem: Problem, counted: Tally, foreign: Mask) -> tuple[SegmentResult, ...]:
+def assess_segments(problem: Problem, counted: Tally, foreign: Mask, noise_m: float) -> tuple[SegmentResult, ...]:
     """Return status, points, coverage and residual of each segment.
 
     A segment is measured where points crowd on its surface: a cloud without it has three
-    times as many points between 4 and 16 deviations from the surface as within 4.
+    times as many points between 4 and 16 deviations from the surface as within 4, and about a
+    thin wire more.
 
     Args:
         problem: what was fitted.
         counted: sums over all points.
         foreign: [N] segments whose points were ignored; neighbours and priors fix them.
+        noise_m: standard deviation of the matched points.
     """
     count = counted.matched
     covered = coverage(problem, counted)
-    seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE) & (count >= counted.beside)
+    crowded = count * by_chance(problem.surface.radius_m, noise_m) >= FLAT_BY_CHANCE * counted.beside
+    seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE) & crowded
     seen &= ~foreign
     between = _between(problem, seen | foreign)
     out = []
@@ -47,6 +51,23 @@ def assess_segments(problem: Problem, counted: Tally, foreign: Mask) -> tuple[Se
         rmse = float(np.sqrt(counted.squares_m2[k] / count[k])) if count[k] else float("nan")
         out.append(SegmentResult(status, int(count[k]), float(covered[k]), rmse))
     return tuple(out)
+
+
+def by_chance(radius_m: float | None, noise_m: float) -> float:
+    """Return how many times as many points of an even cloud lie beside a surface as on it, by the areas of both rings.
+
+    Args:
+        radius_m: of a round section; None for flat faces, of which as much lies beside as is farther away.
+        noise_m: standard deviation of a point.
+    """
+    if radius_m is None:
+        return FLAT_BY_CHANCE
+
+    def disc_m2(distance_m: float) -> float:
+        """Area within a distance of the circle, without pi."""
+        return (radius_m + distance_m) ** 2 - max(radius_m - distance_m, 0.0) ** 2
+
+    return disc_m2(BESIDE * noise_m) / disc_m2(MATCHED * noise_m) - 1.0
 
 
 def _between(problem: Problem, known: Mask) -> Mask:

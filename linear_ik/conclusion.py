@@ -52,7 +52,7 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
         S, node_covariance = covariance(problem, pose, worth, noise_m * float(np.sqrt(ratio)))
     still_m = pose.node_jacobians() @ settled.still
     node_covariance += still_m[:, :, None] * still_m[:, None, :]
-    segments = assess_segments(problem, settled.tally, settled.foreign)
+    segments = assess_segments(problem, settled.tally, settled.foreign, noise_m)
     reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status_of(r.code for r in reasons) == "not_scanned":
         return absent(problem, reasons, settings, log, clock)

@@ -11,6 +11,7 @@ from truth import check_consistent, node_errors_m
 
 import linear_ik
 from linear_ik import Circle, Element, IShape, LShape, Rectangle, Scan, simulate
+from linear_ik.assessment import by_chance
 from linear_ik.bending import rigid_motion
 
 SHAPES = ("rectangle", "i_shape", "circle", "l_shape")
@@ -252,3 +253,9 @@ def test_a_tolerance_without_effect_is_said_whatever_the_status():
     away = linear_ik.fit(element, linear_ik.Scan(np.random.default_rng(0).uniform(90, 99, (500, 3))))
     assert away.status == "not_scanned"
     assert away.reasons[-2:] == found.reasons
+
+
+@pytest.mark.parametrize(("radius_m", "expected"), [(None, 3.0), (10.0, 3.0), (0.004, (22.4**2 - 8.6**2) / 8.6**2)])
+def test_more_lies_beside_a_thin_wire_by_chance_than_on_it(radius_m, expected):
+    # Of the wire: 0 to 8.6 mm from the axis is within 4 deviations, from there to 22.4 mm within 16.
+    assert by_chance(radius_m, 0.00115) == pytest.approx(expected, rel=0.02)
