@@ -21,15 +21,17 @@ FREEDOM = 2.0
 STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
 
 
-def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -> Array:
-    """Return the prior's deviations [6 + 3N] that make the joints from 2 on most probable.
+def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -> tuple[Array, Array]:
+    """Return the prior's deviations and means [6 + 3N] that make the joints from 2 on most probable.
 
-    The angles of a joint, against the design, follow Student's distribution: a normal one, whose variances are those
-    of the axes, s_a^2, times a factor that the joint draws for itself. By expectation maximisation on the Gaussian
-    model of the last step (Liu and Rubin 1995; s as Kent, Tyler and Vardi 1994, which takes a tenth of the rounds),
-    with ``m_ia = theta_ia^2 + S_ii`` and ``w_i = (nu + d) / (nu + sum_a m_ia / s_a^2)`` of d axes:
-    ``s_a^2 = sum_i w_i m_ia / sum_i w_i``, and the joint's variances are ``s_a^2 / w_i``. A straight member earns a
-    stiff prior; one sharp kink loosens its own joint, about all axes, and leaves the others stiff.
+    A joint's angles, less the design's, follow Student's distribution about what all joints bend alike: a normal
+    one, whose variances are those of the axes, s_a^2, times a factor that the joint draws for itself. By expectation
+    maximisation on the Gaussian model of the last step (Liu and Rubin 1995; s as Kent, Tyler and Vardi 1994, which
+    takes a tenth of the rounds), with theta and S a joint's mean and variance under the prior so far,
+    ``m_ia = (theta_ia - u_a)^2 + S_ii`` and ``w_i = (nu + d) / (nu + sum_a m_ia / s_a^2)`` of d axes:
+    ``u_a = sum_i w_i theta_ia / sum_i w_i``, ``s_a^2 = sum_i w_i m_ia / sum_i w_i``, and the joint's variances are
+    ``s_a^2 / w_i``. A straight member earns a stiff prior, and so does an arc, about its bend; one sharp kink loosens
+    its own joint, about all axes, and leaves the others stiff.
 
     Args:
         problem: with the prior that ``objective`` contains.
@@ -37,32 +39,36 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
         objective: sum of all terms but the damping, at x.
         noise_m: standard deviation of a point.
     """
+    sd, mean = problem.prior_sd.copy(), problem.prior_mean.copy()
     if problem.element.segments < 3:
-        return problem.prior_sd
+        return sd, mean
     moving = problem.variables
-    sd, now = problem.prior_sd.copy(), 1.0 / problem.prior_sd[moving] ** 2
+    now = 1.0 / sd[moving] ** 2
     information = objective.H[np.ix_(moving, moving)] / noise_m**2 - np.diag(now)
     # Right-hand side of the normal equations of the points alone, in the departure from the design instead of dx.
-    off = (x - problem.prior_mean)[moving]
-    pull = information @ off - (objective.c[moving] / noise_m**2 - now * off)
+    off = (x - problem.designed)[moving]
+    pull = information @ off - (objective.c[moving] / noise_m**2 - now * (x - mean)[moving])
     axes = [np.arange(BASE + 3 + axis, len(sd), 3) for axis in range(3)]
     rows = [(joints, np.searchsorted(moving, joints)) for joints in axes if np.isin(joints, moving).all()]
     scale = np.array([[np.mean(sd[joints] ** 2)] for joints, _ in rows])
+    alike = (mean - problem.designed)[moving]
     diagonal = np.diag_indices(len(moving))
     for _ in range(EVIDENCE_ROUNDS if len(moving) <= 200 else 3):
-        before = sd.copy()
+        before, expected = sd.copy(), alike.copy()
         posterior = information.copy()
         posterior[diagonal] += 1.0 / sd[moving] ** 2
         S = np.linalg.inv(posterior)
-        second_moment = (S @ pull) ** 2 + np.diag(S)
-        moment = np.array([second_moment[at] for _, at in rows])  # [axes][joints]
+        theta, variance = S @ (pull + alike / sd[moving] ** 2), np.diag(S)
+        moment = np.array([(theta[at] - alike[at]) ** 2 + variance[at] for _, at in rows])  # [axes][joints]
         weight = (FREEDOM + len(rows)) / (FREEDOM + (moment / scale).sum(axis=0))
         scale = (moment @ weight / weight.sum())[:, None]
-        for (joints, _), variance in zip(rows, scale / weight, strict=True):
-            sd[joints] = np.clip(np.sqrt(variance), STIFFEST_RAD, LOOSEST_RAD)
-        if (np.abs(sd - before) <= 0.02 * before).all():
+        for (joints, at), own in zip(rows, scale / weight, strict=True):
+            alike[at] = weight @ theta[at] / weight.sum()
+            sd[joints] = np.clip(np.sqrt(own), STIFFEST_RAD, LOOSEST_RAD)
+        if (np.abs(sd - before) <= 0.02 * before).all() and (np.abs(alike - expected) <= 0.02 * sd[moving]).all():
             break
-    return np.asarray(sd)
+    mean[moving] = problem.designed[moving] + alike
+    return sd, mean
 
 
 def prior_move(before: Problem, after: Problem, found: Descended, objective: Objective, noise_m: float) -> float:

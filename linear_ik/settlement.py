@@ -132,7 +132,7 @@ def settle(
                 problem = problem.measuring(designed.scaled(misfit.scale))
                 changed = True
         objective = step_objective(problem, found.x, found.pose, found.pairs, found.weights, noise_m)
-        before, problem = problem, problem.expecting(evidence(problem, found.x, objective, noise_m))
+        before, problem = problem, problem.expecting(*evidence(problem, found.x, objective, noise_m))
         if not changed and problem.may_slide and AXIAL not in problem.variables:
             slide = slide_of_ends(problem, found.pairs, noise_m)
             if slide is not None:

@@ -151,7 +151,7 @@ def default_variants() -> list[Variant]:
         Variant("noise given, not estimated", Changed({"range_noise_m": 1e-3})),
         Variant(
             "no prior learnt from the scan",
-            Changed(changes=[(settlement, "evidence", lambda problem, *_: problem.prior_sd)]),
+            Changed(changes=[(settlement, "evidence", lambda problem, *_: (problem.prior_sd, problem.prior_mean))]),
         ),
         Variant(
             "one prior for all joints of an axis",
