@@ -179,3 +179,19 @@ def test_a_live_view_follows_the_numbers_that_are_tried(tmp_path):
     result = linear_ik.fit(element, scan, on_iteration=viewer.on_iteration)
     viewer.show_result(result, scan)
     assert viewer.static_html(tmp_path / "page.html").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize("share", [1.0, 1.025])
+def test_a_section_out_of_its_nominal_size_has_as_many(share):
+    angles = np.zeros((20, 3))
+    angles[1:, 1] = np.radians(40.0 / 20)
+    real = Element("member", Rectangle(0.1 * share, 0.1 * share), 4.0, 20)
+    scan = simulate(real, joint_angles_rad=angles, points=6000, seed=1)
+    result = linear_ik.fit(Element("member", Rectangle(0.1, 0.1), 4.0, auto_segments=True), scan.without_truth())
+    assert result.element.segments == 20
+    assert np.linalg.norm(result.nodes_m[-1] - scan.nodes_m[-1]) < 0.0005
+    assert (result.section_scale is None) == (share == 1.0)
+    if share != 1.0:
+        assert result.section_scale == pytest.approx((share, share), abs=0.001)
+        again = result_from_mapping(result_to_mapping(result))
+        assert again.section_scale == result.section_scale
