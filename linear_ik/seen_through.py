@@ -182,7 +182,7 @@ def crossings(problem: Problem, pose: Pose, rays: Rays, noise_m: float, grown: i
 
 
 def in_company(rays: Rays, rows: Count) -> Mask:
-    """Return which of the rays in ``rows`` [K] end on a surface, as half of the rays next to them, of their station, do."""
+    """Return which of the rays in ``rows`` [K] end on a surface, as half of their station's next to them do."""
     from scipy.spatial import cKDTree
 
     _, seen_from = np.unique(rays.stations, axis=0, return_inverse=True)

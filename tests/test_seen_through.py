@@ -29,13 +29,13 @@ from linear_ik.chain import Pose
 from linear_ik.problem import Problem
 from linear_ik.scene import neighbour, wall
 from linear_ik.seen_through import (
-    in_company,
     BEAM_M,
     MARGIN,
     MOST_RAYS,
     Crossings,
     Rays,
     crossings,
+    in_company,
     rays_near,
     refuter,
     seen_through,
