@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from truth import check_consistent
 
 import linear_ik
 from linear_ik import Circle, Element, ModelFitOptions, Rectangle, Scan, simulate
+from linear_ik.cli.summary import chosen_count
 from linear_ik.element_file import element_from_mapping, element_to_mapping
 from linear_ik.errors import ElementError, SettingsError
 from linear_ik.exports.result_json import ResultError, read_result, result_from_mapping, result_to_mapping, write_result
+from linear_ik.result import SegmentCount
 from linear_ik.segment_count import candidates
 
 PIPE, BAR = Circle(0.03), Rectangle(0.1, 0.06)
@@ -110,6 +113,19 @@ def test_candidates_are_no_shorter_than_the_section():
 def test_an_element_that_is_not_there_is_not_scanned():
     result = linear_ik.fit(auto(BAR), Scan(np.random.default_rng(0).random((500, 3)) + 20.0))
     assert result.status == "not_scanned" and result.segment_counts == ()
+
+
+def test_what_is_not_there_is_not_fitted_again_for_its_length(monkeypatch):
+    element = auto(BAR, length_tolerance_m=0.03)
+    monkeypatch.setattr(import_module("linear_ik.fit"), "fit_length", lambda *_: pytest.fail("fitted again"))
+    result = linear_ik.fit(element, Scan(np.random.default_rng(0).random((500, 3)) + 20.0))
+    assert result.status == "not_scanned" and result.segment_counts == ()
+    assert result.element == replace(element, segments=5, auto_segments=False)
+
+
+def test_the_chosen_count_is_the_one_with_the_least_against_it():
+    tried = (SegmentCount(5, 3.0, 0.002), SegmentCount(10, 1e-12, 0.001))
+    assert chosen_count(tried) == "10 by the evidence (against 5: 3)"
 
 
 def test_with_a_length_to_be_found():
