@@ -25,14 +25,14 @@ from linear_ik.descent import (
     step_objective,
 )
 from linear_ik.ends import Slide, anchored, shift_at_start, slide_of_ends
-from linear_ik.evidence import evidence, prior_move, unlikelihood
+from linear_ik.evidence import evidence, prior_move
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
-from linear_ik.repair import drawn_back, straighter, through
 from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
 from linear_ik.side_noise import MAD_TO_SD, trust_of
 from linear_ik.stage import Stage, depth_of, on_surface
+from linear_ik.straightening import straightened
 from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
@@ -53,8 +53,6 @@ FOREIGN_RATIO, FOREIGN_RATIO_KINKED = 2.0, 1.5
 KINK_RATIO, LEAST_KINK_RAD = 5.0, np.radians(0.05)
 FOREIGN_EXCESS_M = 0.0004
 ROUGHNESS_RATIO = 1.5
-MOST_STRAIGHTENED = 4
-LEAST_LIKELIER = 1.0  # log likelihood
 
 
 @dataclass(frozen=True, eq=False)
@@ -156,66 +154,14 @@ def settle(
         if not changed:
             break
     if robust_scale < ROBUST_SCALE and not foreign.any():
-        problem, found = straightened(problem, found, some, trust, settings, solver, log, robust_scale)
+        noise_m = noise_used(found, settings)
+
+        def down(there: Problem, x: Array) -> Descended:
+            return _descend(there, x, some, noise_m, 0.1 * noise_m, foreign, trust, settings, solver, log, robust_scale)
+
+        problem, found = straightened(problem, found, noise_m, robust_scale, down)
     noise_m = noise_used(found, settings)
     return last_step(count(problem, found, some, noise_m, foreign, trust, misfit, robust_scale), settings, solver, log)
-
-
-def straightened(
-    problem: Problem,
-    found: Descended,
-    some: Array,
-    trust: Array | None,
-    settings: FitSettings,
-    solver: Solver,
-    log: Log,
-    robust_scale: float,
-) -> tuple[Problem, Descended]:
-    """Return the problem and the fit, or those with nodes that stick out put back, where that is more probable.
-
-    Where few points tell, they may have been taken for the other side of a plate. A chain without the bends that this
-    took may explain them a little worse, and be far more probable.
-    """
-    noise_m, none = noise_used(found, settings), np.zeros(problem.element.segments, dtype=bool)
-
-    def cost(there: Problem, at: Descended) -> float:
-        ratio = np.minimum((at.pairs.distance_m / (robust_scale * noise_m)) ** 2, 9.0)
-        points = 0.5 * robust_scale**2 * float((ratio / (1.0 + ratio)).sum())
-        objective = step_objective(there, at.x, at.pose, at.pairs, at.weights, noise_m)
-        return points + unlikelihood(there, at.x, objective, noise_m)
-
-    def down(there: Problem, x: Array) -> Descended:
-        return _descend(there, x, some, noise_m, 0.1 * noise_m, none, trust, settings, solver, log, robust_scale)
-
-    def likely(x: Array) -> tuple[Problem, Descended]:
-        # Stiff in every joint at first; which of them bend is told after.
-        stiff = problem.expecting(stiffest(problem.prior_sd))
-        at = down(stiff, x)
-        objective = step_objective(stiff, at.x, at.pose, at.pairs, at.weights, noise_m)
-        there = stiff.expecting(*evidence(stiff, at.x, objective, noise_m))
-        return there, down(there, at.x)
-
-    best = cost(problem, found)
-    for _ in range(MOST_STRAIGHTENED):
-        chain, x, pose = problem.chain, found.x, found.pose
-        put_back = (drawn_back(chain, through(chain, x, nodes), pose, nodes) for nodes in straighter(pose))
-        for start in (x, *put_back):
-            there, trial = likely(start)
-            if (value := cost(there, trial)) < best - LEAST_LIKELIER:
-                problem, found, best = there, trial, value
-                break
-        else:
-            break
-    return problem, found
-
-
-def stiffest(prior_sd: Array) -> Array:
-    """Return prior deviations [6 + 3N], those of an axis's joints from 2 on all as small as their smallest."""
-    sd = prior_sd.copy()
-    for axis in range(3):
-        joints = np.arange(BASE + 3 + axis, len(sd), 3)
-        sd[joints] = sd[joints].min(initial=np.inf)
-    return sd
 
 
 def noise_used(found: Descended, settings: FitSettings) -> float:
