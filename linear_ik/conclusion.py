@@ -73,6 +73,7 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
         range_noise_m=noise_m,
         segments=segments,
         unobservable=unobservable(problem, pose, node_covariance),
+        section_scale=tuple(settled.misfit.scale.tolist()) if settled.misfit and settled.misfit.plausible else None,
     )
 
 

@@ -49,7 +49,9 @@ class Bands:
         if S is None:
             return cls(own, None)
         # To load a chain takes longer than all else here, and chains of as many segments differ in length alone.
-        length_m, x = result.fitted_element.length_m, configuration(result)
+        # That is of the chain: an axis designed curved is longer than its chords.
+        fitted, x = result.fitted_element, configuration(result)
+        length_m = fitted.segments * fitted.segment_length_m
         x[:3] /= length_m
         pose = _chain_of_length_1(result.element.segments).pose(x)
         A = pose.node_jacobians()

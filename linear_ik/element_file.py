@@ -203,6 +203,8 @@ def _text(name: str, value: object) -> str:
 
 
 def _segments(name: str, value: object) -> object:
+    if isinstance(value, str) and re.fullmatch(NUMBER, value.strip()) is None:
+        _fail(name, value, "a number", "a whole number, or auto")
     # 10.0 is how some writers say 10.
     number = _number(name, value)
     return int(number) if isinstance(number, float) and number.is_integer() else number

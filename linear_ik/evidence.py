@@ -71,6 +71,37 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     return sd, mean
 
 
+def unlikelihood(problem: Problem, x: Array, objective: Objective, noise_m: float) -> float:
+    """Return what a fit's joints cost, in units of the log likelihood: the negative of the evidence's lower bound.
+
+    The Gaussian model of the last step, with its mean and covariance S under the problem's prior, against Student's
+    distribution, with ``m_ia`` as in `evidence`: ``tr(S H) / 2 - log |S| / 2 + sum_i (nu + d) / 2 log(1 + sum_a
+    m_ia / (nu s_a^2)) + n sum_a log s_a``, the scales s_a as they are most probable. What the points cost is not in it.
+
+    Args:
+        problem: with the prior that ``objective`` contains.
+        x: [6 + 3N] where the fit is.
+        objective: sum of all terms but the damping, at x.
+        noise_m: standard deviation of a point.
+    """
+    moving = problem.variables
+    H = objective.H[np.ix_(moving, moving)] / noise_m**2
+    S = np.linalg.inv(H)
+    points = H - np.diag(1.0 / problem.prior_sd[moving] ** 2)
+    off = (x - problem.prior_mean) ** 2
+    variance = np.zeros(len(x))
+    variance[moving] = np.diag(S)
+    axes = [np.arange(BASE + 3 + axis, len(x), 3) for axis in range(3)]
+    moment = np.array([(off + variance)[joints] for joints in axes if np.isin(joints, moving).all()])
+    scale = moment.mean(axis=1, keepdims=True)
+    for _ in range(3 * EVIDENCE_ROUNDS):
+        weight = (FREEDOM + len(moment)) / (FREEDOM + (moment / scale).sum(axis=0))
+        scale = np.maximum((moment @ weight / weight.sum())[:, None], STIFFEST_RAD**2)
+    kinks = 0.5 * (FREEDOM + len(moment)) * np.log1p((moment / scale).sum(axis=0) / FREEDOM).sum()
+    spread = 0.5 * moment.shape[1] * np.log(scale).sum()
+    return float(0.5 * np.einsum("ij,ji->", S, points) - 0.5 * np.linalg.slogdet(S)[1] + kinks + spread)
+
+
 def prior_move(before: Problem, after: Problem, found: Descended, objective: Objective, noise_m: float) -> float:
     """Return how far a change of the prior moves any node, in metres, by the linear model of the last step.
 

@@ -90,7 +90,11 @@ def fit(
 
             result, tried = choose_segments(element, scan, fit_known)
             element = replace(element, segments=result.element.segments, auto_segments=False)
-            result = fit_length(element, scan, fit_once) if element.length_tolerance_m else result
+            if result.status == "not_scanned":
+                # Nothing to measure a length on.
+                result = replace(result, element=element)
+            elif element.length_tolerance_m:
+                result = fit_length(element, scan, fit_once)
         else:
             result = fit_length(element, scan, fit_once) if element.length_tolerance_m else fit_once(element)
         result = replace(result, segment_counts=tried)

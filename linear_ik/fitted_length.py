@@ -17,6 +17,7 @@ from linear_ik.chain import Chain, Pose
 from linear_ik.cloud_end import PATCHES, WINDOW_M, CloudEnd, cloud_end
 from linear_ik.correspondence import Correspondences, Matcher
 from linear_ik.element import Element
+from linear_ik.problem import POINTS_A_PIECE
 from linear_ik.reason import Reason, ReasonCode
 from linear_ik.result import FitResult
 from linear_ik.scan import Scan
@@ -160,6 +161,7 @@ class _Along:
         T_world_base: [4][4].
         noise_m: standard deviation of a point.
         start_sd_m: of the first node along the axis; 0 where it is held.
+        section_scale: of the section that was fitted, see `FitResult`.
     """
 
     element: Element
@@ -167,6 +169,7 @@ class _Along:
     T_world_base: Array
     noise_m: float
     start_sd_m: float
+    section_scale: tuple[float, float] | None
 
     @classmethod
     def of(cls, element: Element, result: FitResult) -> _Along:
@@ -175,7 +178,8 @@ class _Along:
         axis = result.base_pose[:3, :3] @ pose.rotations[0, :, 2]
         free = element.start in ("free", "roller")
         sd_m = float(np.sqrt(max(axis @ result.nodes_covariance_m2[0] @ axis, 0.0))) if free else 0.0
-        return cls(element, pose, result.base_pose, result.range_noise_m, max(sd_m, UNUSED_M) if free else 0.0)
+        start_sd_m = max(sd_m, UNUSED_M) if free else 0.0
+        return cls(element, pose, result.base_pose, result.range_noise_m, start_sd_m, result.section_scale)
 
     def end(self, scan: Scan, low_m: float, high_m: float) -> CloudEnd | str:
         """Return where the points stop, along the chain from its start, between two lengths."""
@@ -199,12 +203,15 @@ class _Along:
 
     def _on_surface(self, scan: Scan, node: Array, reach_m: float) -> tuple[Array, npt.NDArray[np.intp]]:
         """Return the places along the chain of the points on its surface near a node, and their part of the outline."""
-        surface = surface_of(self.element)
+        surface = surface_of(self.element, self.section_scale)
         radius_m = float(np.hypot(reach_m + 2.0 * WINDOW_M + MARGIN_M, 1.5 * surface.reach_m))
         T = self.T_world_base
-        local = (scan.points - T[:3, 3]) @ T[:3, :3]
-        off = local - node
-        local = np.ascontiguousarray(local[np.einsum("pi,pi->p", off, off) <= radius_m**2])
+        near = []
+        for start in range(0, len(scan), POINTS_A_PIECE):
+            piece = (scan.points[start : start + POINTS_A_PIECE] - T[:3, 3]) @ T[:3, :3]
+            off = piece - node
+            near.append(piece[np.einsum("pi,pi->p", off, off) <= radius_m**2])
+        local = np.concatenate(near)
         lengths_m = np.full(self.element.segments, self.element.segment_length_m)
         pairs = Matcher(surface, lengths_m).match(self.pose, local)
         on = np.abs(pairs.residual_m) <= ON_SURFACE * self.noise_m

@@ -127,6 +127,8 @@ class FitResult:
             together, which differences between them need. None where a file does not have it.
         unobservable: what the scan does not show, in words: torsion of a round section, the
             place along the axis, bending across an axis with the nodes (from 0) it concerns.
+        section_scale: [2] how many times the section's designed x and y its points measure, where that
+            is the same section out of its nominal size; the fit is to that one. None: as designed.
         length_m: along the axis, where the element's has a tolerance and the ends of the scan
             tell it; None: as designed. All else in the result describes a chain of this length.
         length_sd_m: its standard deviation; None where ``length_m`` is.
@@ -153,6 +155,7 @@ class FitResult:
     configuration_covariance: Array | None = None
     unobservable: tuple[str, ...] = ()
     reason_codes: tuple[str, ...] = ()
+    section_scale: tuple[float, float] | None = None
     length_m: float | None = None
     length_sd_m: float | None = None
     segment_counts: tuple[SegmentCount, ...] = ()

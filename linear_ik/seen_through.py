@@ -182,7 +182,7 @@ def crossings(problem: Problem, pose: Pose, rays: Rays, noise_m: float, grown: i
 
 
 def in_company(rays: Rays, rows: Count) -> Mask:
-    """Return which of the rays in ``rows`` [K] end on a surface, as half of the rays next to them do."""
+    """Return which of the rays in ``rows`` [K] end on a surface, as half of their station's next to them do."""
     from scipy.spatial import cKDTree
 
     _, seen_from = np.unique(rays.stations, axis=0, return_inverse=True)
@@ -191,11 +191,11 @@ def in_company(rays: Rays, rows: Count) -> Mask:
     tree = cKDTree(key, balanced_tree=False, compact_nodes=False)
     # The first is the ray itself.
     apart, beside = (np.asarray(found)[:, 1:] for found in tree.query(key[rows], OF_NEAREST + 1))
-    known = np.isfinite(apart)
+    known = apart <= 2.0  # as far as two directions can be apart
     other_m = rays.range_m[np.where(known, beside, 0)]
     own_m = rays.range_m[rows, None]
     near = known & (np.abs(other_m - own_m) < STEEPEST * apart * own_m)
-    return np.asarray(near.sum(axis=1) >= COMPANY)
+    return np.asarray(OF_NEAREST * near.sum(axis=1) >= COMPANY * known.sum(axis=1))
 
 
 class _Body:

@@ -129,7 +129,7 @@ def criterion(fits: list[FitResult], off: list[tuple[Array, Index]]) -> Array:
 
 def _near(element: Element, result: FitResult, scan: Scan) -> Array:
     """Return points [P][3] near a coarse fit, in the scan's coordinates, evenly at random."""
-    reach_m = surface_of(element).reach_m + NEAR_M + 0.1 * element.length_m
+    reach_m = surface_of(element, result.section_scale).reach_m + NEAR_M + 0.1 * element.length_m
     low, high = result.nodes_m.min(axis=0) - reach_m, result.nodes_m.max(axis=0) + reach_m
     rows = np.flatnonzero(((scan.points >= low) & (scan.points <= high)).all(axis=1))
     rng = np.random.default_rng(0)
@@ -147,7 +147,7 @@ def _near(element: Element, result: FitResult, scan: Scan) -> Array:
 def _distances(element: Element, result: FitResult, points: Array) -> tuple[Array, Index]:
     """Return the distance of points [P][3] to a fitted surface, with the residual's sign, and their patch [P] of it."""
     chain, T = Chain.of(element), result.base_pose
-    surface = surface_of(element)
+    surface = surface_of(element, result.section_scale)
     local = np.ascontiguousarray((points - T[:3, 3]) @ T[:3, :3])
     pairs = Matcher(surface, chain.segment_length_m).match(chain.pose(chain.with_q(result.q)), local)
     distance, patch = np.empty(len(points)), np.empty(len(points), dtype=np.intp)

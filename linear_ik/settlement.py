@@ -32,6 +32,7 @@ from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
 from linear_ik.side_noise import MAD_TO_SD, trust_of
 from linear_ik.stage import Stage, depth_of, on_surface
+from linear_ik.straightening import straightened
 from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
@@ -152,6 +153,13 @@ def settle(
         )
         if not changed:
             break
+    if robust_scale < ROBUST_SCALE and not foreign.any():
+        noise_m = noise_used(found, settings)
+
+        def down(there: Problem, x: Array) -> Descended:
+            return _descend(there, x, some, noise_m, 0.1 * noise_m, foreign, trust, settings, solver, log, robust_scale)
+
+        problem, found = straightened(problem, found, noise_m, robust_scale, down)
     noise_m = noise_used(found, settings)
     return last_step(count(problem, found, some, noise_m, foreign, trust, misfit, robust_scale), settings, solver, log)
 

@@ -25,6 +25,7 @@ if TYPE_CHECKING:
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
+TOLD = 0.3  # of a point's noise: what a fit of some hundred points a segment leaves of it at an end
 KINK_RATIO, LEAST_KINK_RAD = 4.0, np.radians(0.3)
 ALIKE = 0.5  # most by which bends may jump, of their size; at random they jump by 1.2
 NEIGHBOURS = 3  # joints each way that a bend is compared with; those next to it may share its kink
@@ -113,17 +114,20 @@ def kinks(result: FitResult) -> Mask:
 
 def curve_of(result: FitResult, kinked: Mask | None = None) -> Array:
     """Return D [N+1][N+1] that takes a result's nodes to its curve at the nodes; ``kinked`` as `kinks` says."""
-    held = result.element.start != "free"
-    return node_operator(result.element.segments, kinks(result) if kinked is None else kinked, held)
+    element = result.element
+    # An end that is held more tightly than points tell its place is on the curve itself.
+    tight = element.end != "free" and element.end_tolerance_m < TOLD * result.range_noise_m
+    held = (element.start != "free", tight)
+    return node_operator(element.segments, kinks(result) if kinked is None else kinked, held)
 
 
-def node_operator(segments: int, kinked: Mask, held: bool) -> Array:
+def node_operator(segments: int, kinked: Mask, held: tuple[bool, bool]) -> Array:
     """Return D [N+1][N+1] that takes the nodes of a best-fitting chain to the values of the curve there.
 
     Args:
         segments: N, equally long and equally well seen.
         kinked: [N+1] nodes at which the curve is not smooth.
-        held: the first node is on the curve, whatever fits best.
+        held: whether the first node and the last are on the curve, whatever fits best.
     """
     x, w = np.polynomial.legendre.leggauss(GAUSS)
     z, w = (x + 1.0) / 2.0, w / 2.0
@@ -134,9 +138,10 @@ def node_operator(segments: int, kinked: Mask, held: bool) -> Array:
         for k in range(first, last):
             M[k : k + 2, k : k + 2] += (hats * w) @ hats.T
             B[k : k + 2, first : last + 1] += (hats * w) @ curve(k + z)
-    if held:
-        M[0], B[0] = 0.0, 0.0
-        M[0, 0] = B[0, 0] = 1.0
+    for node, on_curve in zip((0, segments), held, strict=True):
+        if on_curve:
+            M[node], B[node] = 0.0, 0.0
+            M[node, node] = B[node, node] = 1.0
     return np.asarray(np.linalg.solve(B, M))
 
 

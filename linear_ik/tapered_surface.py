@@ -185,8 +185,15 @@ class TaperedSurface(Surface):
         return (self.radius_m or 0.0) + (station_m - self.length_m / 2) * self.radius_slope
 
 
-def surface_of(element: Element) -> Surface:
-    """Return the outer faces of an element's section, tapered or not."""
+def surface_of(element: Element, scale: tuple[float, float] | None = None) -> Surface:
+    """Return the outer faces of an element's section, tapered or not.
+
+    Args:
+        element: for its profiles.
+        scale: [2] along the section's x and y, where it measures otherwise than designed.
+    """
+    if scale is not None:
+        return surface_of(element).scaled(np.array(scale))
     mean = Surface.of(element.profile_at(0.5))
     if not element.is_tapered:
         return mean

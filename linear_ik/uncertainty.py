@@ -126,8 +126,9 @@ def pressed_limits(
     lower, upper = problem.chain.lower, problem.chain.upper
     at = ((x <= lower) & (push < 0)) | ((x >= upper) & (push > 0))
     far = np.abs(push) > PRESSED * np.sqrt(np.diag(S))
-    scatter_m = np.where(np.isfinite(scatter_m), scatter_m, 0.0)
-    worse = scatter_m > STRAINED * np.median(scatter_m)
+    seen = np.isfinite(scatter_m)
+    usual_m = np.median(scatter_m[seen]) if seen.any() else np.inf
+    worse = np.where(seen, scatter_m, 0.0) > STRAINED * usual_m
     worse[1:] |= worse[:-1].copy()  # a joint is the start of its segment and the end of the one before
     far[BASE:] |= np.repeat(worse, 3)
     return np.asarray(at & far & (upper > lower))

@@ -178,15 +178,11 @@ class Viewer:
         """Show the state after one iteration; give it to `linear_ik.fit`."""
         if self._element is None:
             return
-        if len(record.q) != 3 * self._element.segments:
-            # The fit tries how many segments there are.
-            self._element = replace(self._element, segments=len(record.q) // 3, auto_segments=False)
-            self._chain = Chain.of(self._element)
         # A search has hundreds of short iterations, more than an eye can tell apart.
         if record.phase == "search" and time.monotonic() - self._shown_s < LEAST_BETWEEN_S:
             return
         if self._playback is None:
-            self.show_fit(self._element, record.q, record.base_pose)
+            self._show_record(record)
         else:
             self._playback.put(record)
         self._shown_s = time.monotonic()
@@ -209,7 +205,11 @@ class Viewer:
 
     def _show_record(self, record: IterationRecord) -> None:
         assert self._element is not None
-        self.show_fit(self._element, record.q, record.base_pose)
+        element = self._element
+        if len(record.q) != 3 * element.segments:
+            # The fit tries how many segments there are, and may be at another number than what is shown.
+            element = replace(element, segments=len(record.q) // 3, auto_segments=False)
+        self.show_fit(element, record.q, record.base_pose)
 
     def serve(self, port: int | None = None) -> str:
         """Serve the scene on the loopback address and return its URL."""

@@ -86,6 +86,14 @@ def test_the_as_built_model_keeps_its_identities(frame, fitted):
     assert model.by_guid(fitted[2][1]).is_a("IfcPipeSegment")
 
 
+def test_a_design_of_the_same_name_elsewhere_is_refused(frame, fitted, tmp_path, capsys):
+    _, folder = frame
+    other = tmp_path / "design.ifc"
+    other.write_bytes((folder / "design.ifc").read_bytes())
+    assert main(["fit", str(other), str(folder / "site.laz"), "-o", str(fitted[1]), "--workers", "0"]) == 2
+    assert f"is of a run with {(folder / 'design.ifc').resolve()}, and would be replaced" in capsys.readouterr().err
+
+
 def test_the_person_is_told_what_was_found(fitted):
     lines = fitted[0].stderr.splitlines()
     assert lines[-2].startswith("elements   ")

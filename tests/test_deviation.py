@@ -10,6 +10,7 @@ from posed import BEAM, COLUMN, UTM, H, bent, posed
 
 import linear_ik
 from linear_ik.chain import Chain
+from linear_ik.cli.summary import tip_displacement
 from linear_ik.deviation import deviations
 from linear_ik.deviation_bands import BAND_95, Bands, twist_rad
 from linear_ik.element import Element, Placement
@@ -139,6 +140,32 @@ def test_a_curved_design_as_built_has_no_deviation() -> None:
     )
     moved = deviations(turned)
     assert moved.bow_m.value < 1e-8 and moved.departure_max_m.value > 1.0
+
+
+def arc() -> Element:
+    """An eighth of a circle: its axis is longer than the chords of its chain."""
+    turns = np.linspace(0.0, np.pi / 4, 41)
+    points = np.column_stack([3.0 * (1.0 - np.cos(turns)), np.zeros(41), 3.0 * np.sin(turns)])
+    length_m = float(np.linalg.norm(np.diff(points, axis=0), axis=1).sum())
+    return Element("arc", Circle(0.05), length_m, 4, BEAM, axis_points=tuple(map(tuple, points.tolist())))
+
+
+def test_the_tip_of_a_curved_design_is_compared_with_its_designed_tip() -> None:
+    result = posed(arc(), arc().design.angles_rad)
+    assert tip_displacement(result).startswith("0.00 mm from the design")
+    raised = replace(result, nodes_m=result.nodes_m + [0.0, 0.0, 0.0125])
+    assert tip_displacement(raised).startswith("12.50 mm from the design")
+
+
+def test_the_bands_of_a_curved_design_are_those_of_its_chain() -> None:
+    element = arc()
+    S = np.diag(np.linspace(1.0, 2.0, 18) * 1e-8)
+    result = replace(posed(element, element.design.angles_rad), configuration_covariance=S)
+    chain = Chain.of(element)
+    A = chain.pose(chain.with_q(result.q)).node_jacobians().reshape(15, 18)
+    joint = Bands.of(result).joint
+    assert joint is not None
+    np.testing.assert_allclose(joint.reshape(15, 15), A @ S @ A.T, rtol=1e-6, atol=1e-15)
 
 
 def test_an_element_that_was_not_found_has_no_deviation() -> None:

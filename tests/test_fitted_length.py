@@ -11,7 +11,7 @@ from samples import SAMPLES
 from truth import kinematics
 
 import linear_ik
-from linear_ik import Element, Placement, Scan, simulate
+from linear_ik import Element, Placement, Rectangle, Scan, simulate
 from linear_ik.bending import bend_element, rigid_motion
 from linear_ik.cloud_end import cloud_end
 from linear_ik.design_axis import polyline_length_m
@@ -237,3 +237,12 @@ def test_the_command_line(tmp_path):
     done = run("fit", "beam.yaml", "scan.xyz", "-o", "other.json", cwd=tmp_path)
     assert done.returncode == 2 and not (tmp_path / "other.json").exists()
     assert done.stderr.startswith("error: beam.yaml: length_tolerance_m: 3 (up to a quarter of")
+
+
+def test_the_length_of_a_member_whose_section_is_out_of_its_nominal_size():
+    element = replace(member(), profile=Rectangle(0.3, 0.3))
+    real = replace(built(element, 0.02), profile=Rectangle(0.308, 0.308))
+    scan = simulate(real, joint_angles_rad=slightly_bent(5), points=12_000, noise_m=0.0005, seed=5)
+    result = linear_ik.fit(element, scan.without_truth())
+    assert "section_size" in result.reason_codes
+    check(result, element, scan, 0.02)

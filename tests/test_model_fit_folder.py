@@ -11,6 +11,7 @@ from site_samples import ABSENT, only, site
 from linear_ik.cli import main
 from linear_ik.errors import OutputError
 from linear_ik.model_fit import ModelFitOptions, fit_model
+from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
 
 HERE = {"workers": 0}
 NAMES = ("asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json", "elements/beam.json")
@@ -53,6 +54,31 @@ def test_a_run_of_another_design_is_not_replaced(built, tmp_path):
     fit_model(other, [built.scan], tmp_path, options=ModelFitOptions(**HERE, overwrite=True))
     with pytest.raises(OutputError, match=r"is of a run with other\.ifc"):
         fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+
+
+def test_two_designs_of_one_name_are_told_apart_by_where_they_are(tmp_path):
+    project, other = tmp_path / "a", tmp_path / "b"
+    for folder in (project, other):
+        folder.mkdir()
+        (folder / "design.ifc").touch()
+    out, files = project / "out", ["elements.csv"]
+    out.mkdir()
+    (out / "elements.csv").touch()
+    note_design(out, "design.ifc", project / "design.ifc")
+    check_ours(out, "design.ifc", project / ".." / "a" / "design.ifc", files, False)
+    check_ours(out, "design.ifc", None, files, False)
+    with pytest.raises(OutputError, match=r"elements\.csv: is of a run with .*/a/design\.ifc, and would .*--overwrite"):
+        check_ours(out, "design.ifc", other / "design.ifc", files, False)
+    check_ours(out, "design.ifc", other / "design.ifc", files, True)
+    # A project that is moved as a whole goes on.
+    moved = project.rename(tmp_path / "c")
+    check_ours(moved / "out", "design.ifc", moved / "design.ifc", files, False)
+
+
+def test_a_run_that_noted_no_path_goes_on(tmp_path):
+    (tmp_path / "elements.csv").touch()
+    (tmp_path / "run.json").write_text(json.dumps({"schema": SCHEMA, "design": "design.ifc"}))
+    check_ours(tmp_path, "design.ifc", tmp_path / "design.ifc", ["elements.csv"], False)
 
 
 def test_a_run_that_was_stopped_before_its_end_goes_on(built, tmp_path, monkeypatch):

@@ -60,6 +60,48 @@ def test_what_the_columns_say_must_be_what_the_person_says(tmp_path):
         linear_ik.read_scan(tmp_path / "a.csv", unit="mm")
 
 
+@pytest.mark.parametrize(
+    "comment",
+    [
+        "# x[mm] y[mm] z[mm]",
+        "# x [mm] y [mm] z [mm]",
+        "x [mm] y [mm] z [mm]",
+        "// X (mm);Y (mm);Z (mm)",
+        "# x[mm] y[mm] z[mm] intensity",
+        "# x y z (mm)",
+        "# x y z\n# x [ millimetres ] y [ millimetres ] z [ millimetres ]",
+        "# X [mm], Y [mm], Z [mm]\nx y z",
+    ],
+)
+def test_a_unit_counts_wherever_it_is_named(tmp_path, comment):
+    path = tmp_path / "a.xyz"
+    path.write_text(f"{comment}\n1000 2000 3000\n")
+    with pytest.raises(ScanError, match="--scan-unit mm"):
+        linear_ik.read_scan(path)
+    np.testing.assert_allclose(linear_ik.read_scan(path, unit="mm").points, [[1, 2, 3]])
+
+
+def test_columns_and_units_that_stand_apart(tmp_path):
+    path = tmp_path / "a.xyz"
+    path.write_text("# z [us survey feet] y [us survey feet] x [us survey feet]\n3 2 1\n")
+    with pytest.raises(ScanError, match="--scan-unit us-ft"):
+        linear_ik.read_scan(path)
+    points = linear_ik.read_scan(path, unit="us-ft").points
+    np.testing.assert_allclose(points, SCAN_UNITS["us-ft"] * np.array([[1.0, 2.0, 3.0]]))
+    path.write_text("# x [km] y [km] z [km] intensity\n1 2 3\n")
+    with pytest.raises(ScanError, match=r"column x\[km\] is not in metres"):
+        linear_ik.read_scan(path)
+
+
+@pytest.mark.parametrize(
+    "comment", ["# x y z (local)", "# x (easting) y (northing) z (height)", "# x [m] y [m] z [m]", "# x, y, z (see 1)"]
+)
+def test_remarks_in_brackets_are_no_units(tmp_path, comment):
+    path = tmp_path / "a.xyz"
+    path.write_text(f"{comment}\n1 2 3\n")
+    np.testing.assert_array_equal(linear_ik.read_scan(path).points, [[1, 2, 3]])
+
+
 def test_a_unit_that_is_none_is_refused_before_anything_is_read(tmp_path, capsys):
     with pytest.raises(SettingsError, match="unit: 'miles' .*m, mm, cm, in, ft, us-ft"):
         linear_ik.read_scan(tmp_path / "no.ply", unit="miles")

@@ -35,6 +35,7 @@ from linear_ik.seen_through import (
     Crossings,
     Rays,
     crossings,
+    in_company,
     rays_near,
     refuter,
     seen_through,
@@ -294,3 +295,12 @@ def test_the_neighbour_that_explains_more_points_is_not_taken_for_the_member() -
     result = linear_ik.fit(there.element, there.scan.without_truth())
     assert result.status == "converged"
     assert node_errors_m(result, there.scan).max() < 0.001
+
+
+def test_rays_of_another_station_are_no_company() -> None:
+    """Four lone rays of one station that end anywhere, and fifty of another that end on a wall."""
+    alone = np.column_stack([[5.0, 50.0, 500.0, 20.0], [0.01, 0.02, 0.03, 0.04], np.zeros(4)])
+    wall = np.column_stack([np.full(50, 10.0), np.linspace(-0.1, 0.1, 50), np.zeros(50)]) + [0.0, 30.0, 0.0]
+    stations = np.repeat([[0.0, 0.0, 0.0], [0.0, 30.0, 0.0]], [4, 50], axis=0)
+    found = in_company(Rays(stations, np.concatenate([alone, wall])), np.arange(54))
+    assert not found[:4].any() and found[4:].all()

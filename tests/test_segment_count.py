@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 from dataclasses import replace
+from importlib import import_module
 
 import numpy as np
 import pytest
@@ -11,9 +12,11 @@ from truth import check_consistent
 
 import linear_ik
 from linear_ik import Circle, Element, ModelFitOptions, Rectangle, Scan, simulate
+from linear_ik.cli.summary import chosen_count
 from linear_ik.element_file import element_from_mapping, element_to_mapping
 from linear_ik.errors import ElementError, SettingsError
 from linear_ik.exports.result_json import ResultError, read_result, result_from_mapping, result_to_mapping, write_result
+from linear_ik.result import SegmentCount
 from linear_ik.segment_count import candidates
 
 PIPE, BAR = Circle(0.03), Rectangle(0.1, 0.06)
@@ -112,6 +115,19 @@ def test_an_element_that_is_not_there_is_not_scanned():
     assert result.status == "not_scanned" and result.segment_counts == ()
 
 
+def test_what_is_not_there_is_not_fitted_again_for_its_length(monkeypatch):
+    element = auto(BAR, length_tolerance_m=0.03)
+    monkeypatch.setattr(import_module("linear_ik.fit"), "fit_length", lambda *_: pytest.fail("fitted again"))
+    result = linear_ik.fit(element, Scan(np.random.default_rng(0).random((500, 3)) + 20.0))
+    assert result.status == "not_scanned" and result.segment_counts == ()
+    assert result.element == replace(element, segments=5, auto_segments=False)
+
+
+def test_the_chosen_count_is_the_one_with_the_least_against_it():
+    tried = (SegmentCount(5, 3.0, 0.002), SegmentCount(10, 1e-12, 0.001))
+    assert chosen_count(tried) == "10 by the evidence (against 5: 3)"
+
+
 def test_with_a_length_to_be_found():
     real = Element("member", BAR, 2.48, segments=FINE)
     element = auto(BAR, length_tolerance_m=0.03)
@@ -179,3 +195,19 @@ def test_a_live_view_follows_the_numbers_that_are_tried(tmp_path):
     result = linear_ik.fit(element, scan, on_iteration=viewer.on_iteration)
     viewer.show_result(result, scan)
     assert viewer.static_html(tmp_path / "page.html").stat().st_size > 100_000
+
+
+@pytest.mark.parametrize("share", [1.0, 1.025])
+def test_a_section_out_of_its_nominal_size_has_as_many(share):
+    angles = np.zeros((20, 3))
+    angles[1:, 1] = np.radians(40.0 / 20)
+    real = Element("member", Rectangle(0.1 * share, 0.1 * share), 4.0, 20)
+    scan = simulate(real, joint_angles_rad=angles, points=6000, seed=1)
+    result = linear_ik.fit(Element("member", Rectangle(0.1, 0.1), 4.0, auto_segments=True), scan.without_truth())
+    assert result.element.segments == 20
+    assert np.linalg.norm(result.nodes_m[-1] - scan.nodes_m[-1]) < 0.0005
+    assert (result.section_scale is None) == (share == 1.0)
+    if share != 1.0:
+        assert result.section_scale == pytest.approx((share, share), abs=0.001)
+        again = result_from_mapping(result_to_mapping(result))
+        assert again.section_scale == result.section_scale

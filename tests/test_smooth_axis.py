@@ -43,15 +43,17 @@ def sagging(kind, seed):
 
 
 def best_chain(y, segments, held):
-    """Values [N+1] of the polyline that fits evenly spread values y [K] best, its first one held or not."""
+    """Values [N+1] of the polyline that fits evenly spread values y [K] best, its first and last one held or not."""
     t = np.linspace(0, segments, len(y))
     hats = np.maximum(0.0, 1.0 - np.abs(t[:, None] - np.arange(segments + 1)))
-    first = 1 if held else 0
-    rest = np.linalg.lstsq(hats[:, first:], y - (hats[:, 0] * y[0] if held else 0.0), rcond=None)[0]
-    return np.concatenate([[y[0]], rest]) if held else rest
+    free = np.arange(1 if held[0] else 0, segments + (0 if held[1] else 1))
+    n = np.zeros(segments + 1)
+    n[0], n[-1] = (y[0] if held[0] else 0.0), (y[-1] if held[1] else 0.0)
+    n[free] = np.linalg.lstsq(hats[:, free], y - hats @ n, rcond=None)[0]
+    return n
 
 
-@pytest.mark.parametrize("held", [True, False])
+@pytest.mark.parametrize("held", [(True, False), (False, False), (True, True), (False, True)])
 @pytest.mark.parametrize("segments", [5, 10, 11])
 def test_the_operator_undoes_what_fitting_a_polyline_does(segments, held):
     z = np.linspace(0.0, 1.0, 22_001)

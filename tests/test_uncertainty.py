@@ -230,6 +230,13 @@ def test_a_push_by_chance_counts_where_the_points_beside_the_joint_scatter_more(
     assert not pressed(0.99, 1.0, scatter_m=scatter_m).any()
 
 
+def test_segments_that_nobody_saw_strain_no_limit() -> None:
+    scatter_m = np.array([0.001, 0.001, np.nan, np.nan])
+    assert not pressed(1.0, 1.0, scatter_m=np.concatenate([scatter_m[:1], np.full(3, np.nan)])).any()
+    assert not pressed(1.0, 1.0, scatter_m=scatter_m).any()
+    assert not pressed(1.0, 1.0, scatter_m=np.full(4, np.nan)).any()
+
+
 def test_a_held_base_presses_nothing() -> None:
     problem = Problem.of(Element("e", Rectangle(0.1, 0.3), 2.0, 4), Scan(np.zeros((1, 3))))
     n = problem.chain.nv

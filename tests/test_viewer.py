@@ -170,6 +170,27 @@ def test_a_live_view_does_not_hold_the_fit(monkeypatch):
     assert shown[0] == 1 and shown[-1] == result.iterations
 
 
+def test_states_are_shown_with_their_own_number_of_segments(monkeypatch):
+    """The fit tries how many segments there are, and is ahead of what is shown."""
+    element, shown = Element("b", Circle(0.05), 3.0, auto_segments=True), []
+    viewer, show, first = Viewer("b"), Viewer.show_fit, threading.Event()
+
+    def slowly(self, element, q, base_pose):
+        first.wait(10.0)
+        show(self, element, q, base_pose)
+        shown.append(element.segments)
+
+    monkeypatch.setattr(Viewer, "show_fit", slowly)
+    viewer.show_design(element)
+    viewer.slow_down(pause_s=0.001)
+    for n in (5, 5, 10, 5, 20):
+        viewer.on_iteration(IterationRecord(1, "full", 0, 0.0, 1.0, 0.0, 0.0, np.zeros(3 * n), np.eye(4)))
+    first.set()
+    viewer.catch_up()
+    viewer.close()
+    assert shown == [5, 5, 10, 5, 20]
+
+
 def test_closing_a_live_view_ends_what_it_shows():
     element = column(segments=2)
     viewer = Viewer()

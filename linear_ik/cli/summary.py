@@ -40,7 +40,7 @@ def tip_displacement(result: FitResult) -> str:
     """Return how far the last node is from where it was designed, with its 95 % band."""
     element = result.element
     T = element.placement.T_world_element
-    moved = result.nodes_m[-1] - (T[:3, 3] + T[:3, 2] * element.length_m)
+    moved = result.nodes_m[-1] - (T[:3, 3] + T[:3, :3] @ element.design.nodes_m[-1])
     distance, covariance = float(np.linalg.norm(moved)), result.nodes_covariance_m2[-1]
     if not np.isfinite(covariance).all():
         return f"{1000 * distance:.2f} mm from the design (band unknown)"
@@ -70,7 +70,8 @@ def fitted_length(length_m: float, sd_m: float, designed_m: float) -> str:
 
 def chosen_count(tried: Sequence[SegmentCount]) -> str:
     """Return which number of segments the scan asks for, and how strongly it speaks against the others."""
-    chosen = next(count.segments for count in tried if count.against == 0.0)
+    # A file that a person edited may hold no 0.
+    chosen = min(tried, key=lambda count: count.against).segments
     others = ", ".join(f"{count.segments}: {count.against:,.0f}" for count in tried if count.segments != chosen)
     return f"{chosen} by the evidence" + (f" (against {others})" if others else "; no other number made sense")
 

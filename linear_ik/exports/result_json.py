@@ -62,6 +62,7 @@ def result_to_mapping(result: FitResult) -> dict[str, Any]:
         "surface_rmse_m": _plain(result.surface_rmse_m),
         "range_noise_m": _plain(result.range_noise_m),
         "unobservable": list(result.unobservable),
+        "section_scale": None if result.section_scale is None else list(result.section_scale),
         "segments": [_plain(asdict(segment)) for segment in result.segments],
         "history": [{f.name: _plain(getattr(record, f.name)) for f in fields(record)} for record in result.history],
         "settings": _plain(asdict(result.settings)),
@@ -210,6 +211,7 @@ def result_from_mapping(mapping: object) -> FitResult:
         if joint is None
         else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
         unobservable=tuple(str(what) for what in _list("unobservable", top.get("unobservable", []))),
+        section_scale=_section_scale(top.get("section_scale")),
         **_length(top, element),
         segment_counts=_counts(top.get("segment_counts", []), n),
     )
@@ -254,6 +256,15 @@ def versions() -> dict[str, str]:
         except PackageNotFoundError:
             continue
     return found
+
+
+def _section_scale(given: Any) -> tuple[float, float] | None:
+    if given is None:
+        return None
+    x, y = _array("section_scale", given, (2,))
+    if not (x > 0.0 and y > 0.0):
+        raise ResultError("section_scale", f"{x:g}, {y:g}", "two numbers above 0")
+    return float(x), float(y)
 
 
 def _reasons(top: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:

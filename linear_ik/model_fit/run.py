@@ -104,7 +104,7 @@ def fit_model(
     design_path = None if isinstance(design, DesignModel) else Path(design)
     _keep_inputs(Path(output_folder), paths if design_path is None else [design_path, *paths])
     source = design.source if isinstance(design, DesignModel) else Path(design).name
-    check_ours(Path(output_folder), source, OUTPUTS, options.overwrite)
+    check_ours(Path(output_folder), source, design_path, OUTPUTS, options.overwrite)
     for path in paths:
         iter_scan(path, chunk)  # says at once what can be seen from outside
     listener("reading the design", 0, 0, float("nan"))
@@ -118,7 +118,7 @@ def fit_model(
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
         _hand_out(fits, folder, pieces, listener)
-        note_design(folder.path, model.source)
+        note_design(folder.path, model.source, design_path)
         fits.take_over()
         clock.lap("hand_out")
         fits.first(pool, listener)

@@ -30,6 +30,7 @@ NAMES = (
 )
 AFFIX = re.compile(r"^(?:pos|position|coord|coordinate|point)[ _.]|[ _](?:m|pos|coord|coordinate)$")
 UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
+APART = re.compile(r"\s*" + UNIT.pattern)
 NAMED = {
     "m": ("m", "metre", "metres", "meter", "meters"),
     "mm": ("mm", "millimetre", "millimetres", "millimeter", "millimeters"),
@@ -99,7 +100,10 @@ def find_layout(path: Path, number: int, line: str, header: str, comments: Seque
         if header and not names:
             continue
         if len(values) > max(columns) and all(is_number(values[column]) for column in columns):
-            unit = _unit(path, [names[column] for column in columns] if names else [])
+            named = [names[column] for column in columns] if names else []
+            # A unit counts wherever it is named, in a comment too wide or too narrow for the columns as well.
+            loose = [name for text in [header, *comments] for name in _axes_with_units(text)]
+            unit = _unit(path, [*named, *loose])
             return Layout(delimiter, columns, unit)
     return None
 
@@ -116,7 +120,7 @@ def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
             continue
         if line.startswith(("#", "//")):
             text = re.sub(r"^[#/\s]*(?:\w+\s*:(?!\d))?\s*", "", line)
-            if _axes(re.split(r"[,;\s]+", text)):
+            if _axes(_words(text)):
                 comments.append(text)
             continue
         if line.isdigit() and not count:
@@ -127,7 +131,7 @@ def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
             file.seek(start)
             lines.number = before
             return layout, count
-        if header or not _axes(re.split(r"[,;\s]+", line)):
+        if header or not _axes(_words(line)):
             raise _no_point(lines, line, header)
         header = line
 
@@ -151,7 +155,9 @@ def _count(lines: Lines, file: BinaryIO, text: str) -> int:
 
 def _split_names(header: str, delimiter: str | None, width: int) -> list[str]:
     """Return the header's names when it has one for each of ``width`` columns, else nothing."""
-    for names in (fields(header, delimiter), re.split(r"[,;\s]+", header.strip(",; "))):
+    # Of what stands apart from its name, `_axes_with_units` takes the unit.
+    apart = [UNIT.sub("", word) for word in _words(header)]
+    for names in (fields(header, delimiter), re.split(r"[,;\s]+", header.strip(",; ")), apart):
         if len(names) == width and _axes(names):
             return [name.strip('"').lower() for name in names]
     return []
@@ -159,21 +165,52 @@ def _split_names(header: str, delimiter: str | None, width: int) -> list[str]:
 
 def _axes(names: Sequence[str]) -> tuple[int, int, int] | None:
     """Return the columns of x, y and z among names of columns."""
-    plain = [AFFIX.sub("", UNIT.sub("", name.strip('"').lower()).strip()) for name in names]
+    plain = [_plain(name) for name in names]
     for x, y, z in NAMES:
         if x in plain and y in plain and z in plain:
             return plain.index(x), plain.index(y), plain.index(z)
     return None
 
 
+def _plain(name: str) -> str:
+    """Return a column's name without quotes, unit and affix."""
+    return AFFIX.sub("", UNIT.sub("", name.strip('"').lower()).strip())
+
+
+def _words(text: str) -> list[str]:
+    """Return the words of a header or comment, each with the unit in brackets that follows it."""
+    joined = APART.sub(lambda found: f"[{'_'.join(found[1].split())}]", text)
+    return re.split(r"[,;\s]+", joined.strip(",; "))
+
+
+def _axes_with_units(text: str) -> list[str]:
+    """Return what a text calls its axes where it says their unit, lower case; a remark in brackets is none.
+
+    Brackets that say the same of all three axes are taken as a unit, known or not.
+    """
+    words = [word.lower() for word in _words(text)]
+    axes = _axes(words)
+    if axes is None:
+        return []
+    triple = {_plain(words[axis]) for axis in axes}
+    named = [(word, bracket[1]) for word in words if _plain(word) in triple and (bracket := UNIT.search(word))]
+    alike = len(named) >= len(axes) and len({unit for _, unit in named}) == 1
+    return [word for word, unit in named if alike or _known(unit)]
+
+
+def _known(unit: str) -> str | None:
+    """Return the project's name of a unit."""
+    return next((name for name, words in NAMED.items() if unit.replace("_", " ") in words), None)
+
+
 def _unit(path: Path, names: Sequence[str]) -> str:
-    """Return the unit that names of columns hold in brackets, or empty."""
+    """Return the unit that names of columns, in lower case, hold in brackets, or empty."""
     found = set[str]()
     for name in names:
         bracket = UNIT.search(name)
         if bracket is None or not bracket[1]:
             continue
-        unit = next((unit for unit, words in NAMED.items() if bracket[1] in words), None)
+        unit = _known(bracket[1])
         if unit is None:
             raise ScanError(path, f"column {name} is not in metres", "a unit out of " + ", ".join(NAMED))
         found.add(unit)

@@ -56,7 +56,7 @@ class Pairs(NamedTuple):
 
 
 def boxes_of(element: Element, reach_m: float) -> Boxes:
-    """Return the boxes of an element's neighbourhood in the scan's coordinates.
+    """Return the boxes of an element's neighbourhood in the coordinates of its placement (the model's).
 
     Args:
         element: the design.
@@ -158,7 +158,7 @@ class Neighbourhoods:
 
     @property
     def bounds_m(self) -> Array:
-        """Least and largest x, y and z of each box [B][2][3], in the scan's coordinates."""
+        """Least and largest x, y and z of each box [B][2][3], in the coordinates of the placements (the model's)."""
         return np.stack(_bounds(self.boxes), axis=1)
 
     def neighbours(self) -> dict[int, list[int]]:
