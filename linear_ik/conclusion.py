@@ -20,6 +20,7 @@ from linear_ik.doubts import (
     sides_off,
     stepped_aside,
 )
+from linear_ik.evidence import alike_unknown
 from linear_ik.problem import Problem
 from linear_ik.reason import Reason
 from linear_ik.result import FitResult, SegmentResult, status_of
@@ -41,6 +42,7 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
     """Return the result of a settled fit, and the verdict on it; all of the scan's points say what is empty."""
     problem, pose, noise_m = settled.problem, settled.pose, settled.noise_m
     points, whole = settled.tally.objective, settled.objective
+    whole = Objective(whole.H - alike_unknown(problem, noise_m), whole.c)
     S, node_covariance = covariance(problem, pose, whole, noise_m)
     with np.errstate(invalid="ignore"):
         scatter_m = np.sqrt(settled.tally.squares_m2 / settled.tally.matched)

@@ -9,7 +9,7 @@ from linear_ik.chain import BASE
 from linear_ik.descent import (
     Descended,
 )
-from linear_ik.problem import Problem
+from linear_ik.problem import BEND_SD_RAD, TWIST_SD_RAD, Problem
 from linear_ik.terms.objective import Objective
 
 Array = npt.NDArray[np.float64]
@@ -69,6 +69,26 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
             break
     mean[moving] = problem.designed[moving] + alike
     return sd, mean
+
+
+def alike_unknown(problem: Problem, noise_m: float) -> Array:
+    """Return what [6 + 3N][6 + 3N] the prior's part of an objective's H is too large by, as nobody was told its mean.
+
+    What all joints bend alike, u_a, was told by the points themselves. With P the joints' prior precisions and u_a
+    itself normal about the design, as loose as the prior was at first, ``P - P 1 1' P / (1' P 1 + 1 / sd^2)`` is left.
+
+    Args:
+        problem: with the prior that the objective contains.
+        noise_m: standard deviation of a point.
+    """
+    out = np.zeros((len(problem.prior_sd),) * 2)
+    if problem.element.segments < 3:
+        return out
+    for axis, sd in enumerate((TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD)):
+        joints = np.arange(BASE + 3 + axis, len(out), 3)
+        p = (noise_m / problem.prior_sd[joints]) ** 2
+        out[np.ix_(joints, joints)] = np.outer(p, p) / (p.sum() + (noise_m / sd) ** 2)
+    return out
 
 
 def unlikelihood(problem: Problem, x: Array, objective: Objective, noise_m: float) -> float:

@@ -346,7 +346,11 @@ def test_coverage_of_the_bands(placement: Placement) -> None:
             [np.abs(getattr(d, curve).xy - getattr(truth, curve).xy) <= getattr(d, curve).band for d in found]
         )
         first = {"offset_m": slice(1, -1), "departure_m": slice(1, None), "slope_rad": slice(None)}[curve]
-        assert 0.90 <= inside[:, first].mean() <= 0.995, curve
+        assert 0.90 <= inside[:, first].mean(), curve
+        # Nor too wide. A slope of this member, whose joints bend all alike, is known better than its band says: 0.6.
+        drawn = BAND_95 * np.std([getattr(d, curve).xy for d in found], axis=0)
+        width = np.mean([getattr(d, curve).band for d in found], axis=0)
+        assert 0.5 <= np.sqrt((drawn[first] ** 2).mean() / (width[first] ** 2).mean()) <= 1.25, curve
 
 
 def test_what_a_straight_member_shows() -> None:

@@ -99,9 +99,11 @@ def test_a_held_end_says_where_nothing_was_scanned(end, held):
     loose = linear_ik.fit(replace(element, end="free"), seen)
     tip = result.nodes_m[-1] - [0, 0, 5.0]
     assert np.abs(tip[:held]).max() < element.end_tolerance_m
-    assert np.abs(loose.nodes_m[-1] - [0, 0, 5.0]).max() > 0.02
     held_sd, loose_sd = (np.sqrt(np.trace(r.nodes_covariance_m2[-1])) for r in (result, loose))
-    assert held_sd < 0.012 < loose_sd
+    assert held_sd < 0.012 and loose_sd > 1.5 * held_sd
+    # What was scanned bends alike, and so is taken to go on: right here, and not claimed to be sure.
+    assert loose.status == "uncertain"
+    assert np.abs(loose.nodes_m[-1] - [0, 0, 5.0]).max() < 3.0 * loose_sd
 
 
 @pytest.mark.parametrize(
