@@ -131,7 +131,8 @@ def test_a_ray_that_ends_on_the_surface_never_counts(
     )
     found = counted(element, scan)
     assert not found.through.any()
-    assert found.met.sum() > 0.9 * len(scan)
+    # Rays that graze a bent polygon may end beside the mesh that is met.
+    assert found.met.sum() > 0.8 * len(scan)
 
 
 def test_grazing_rays_do_not_count() -> None:
