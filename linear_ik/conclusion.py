@@ -44,9 +44,8 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
     points, whole = settled.tally.objective, settled.objective
     whole = Objective(whole.H - alike_unknown(problem, noise_m), whole.c)
     S, node_covariance = covariance(problem, pose, whole, noise_m)
-    with np.errstate(invalid="ignore"):
-        scatter_m = np.sqrt(settled.tally.squares_m2 / settled.tally.matched)
-    pressed = pressed_limits(problem, settled.x, whole, S, scatter_m)
+    segments = assess_segments(problem, settled.tally, settled.foreign, noise_m)
+    pressed = pressed_limits(problem, settled.x, whole, S, np.array([s.surface_rmse_m for s in segments]))
     ratio = birge_ratio(problem, settled.tally.patch_score, points, whole)
     if ratio > 1.0:
         # The points are worth less by the ratio; what is known besides them is worth what it was.
@@ -54,7 +53,6 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
         S, node_covariance = covariance(problem, pose, worth, noise_m * float(np.sqrt(ratio)))
     still_m = pose.node_jacobians() @ settled.still
     node_covariance += still_m[:, :, None] * still_m[:, None, :]
-    segments = assess_segments(problem, settled.tally, settled.foreign, noise_m)
     reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status_of(r.code for r in reasons) == "not_scanned":
         return absent(problem, reasons, settings, log, clock)

@@ -6,19 +6,22 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.chain import BASE
-from linear_ik.descent import (
-    Descended,
-)
+from linear_ik.descent import Descended
 from linear_ik.problem import BEND_SD_RAD, TWIST_SD_RAD, Problem
 from linear_ik.terms.objective import Objective
 
 Array = npt.NDArray[np.float64]
-Mask = npt.NDArray[np.bool_]
+Index = npt.NDArray[np.intp]
 
 EVIDENCE_ROUNDS = 12
 # Degrees of freedom of Student's distribution of the angles: many joints that hardly bend, and few that kink.
 FREEDOM = 2.0
 STIFFEST_RAD, LOOSEST_RAD = np.radians(0.02), np.radians(20.0)
+
+
+def joints_by_axis(variables: int) -> list[Index]:
+    """Return which of the variables turn joints from 2 on about z, y and x: those that the evidence speaks of."""
+    return [np.arange(BASE + 3 + axis, variables, 3) for axis in range(3)]
 
 
 def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -> tuple[Array, Array]:
@@ -48,8 +51,9 @@ def evidence(problem: Problem, x: Array, objective: Objective, noise_m: float) -
     # Right-hand side of the normal equations of the points alone, in the departure from the design instead of dx.
     off = (x - problem.designed)[moving]
     pull = information @ off - (objective.c[moving] / noise_m**2 - now * (x - mean)[moving])
-    axes = [np.arange(BASE + 3 + axis, len(sd), 3) for axis in range(3)]
-    rows = [(joints, np.searchsorted(moving, joints)) for joints in axes if np.isin(joints, moving).all()]
+    rows = [
+        (joints, np.searchsorted(moving, joints)) for joints in joints_by_axis(len(sd)) if np.isin(joints, moving).all()
+    ]
     scale = np.array([[np.mean(sd[joints] ** 2)] for joints, _ in rows])
     alike = (mean - problem.designed)[moving]
     diagonal = np.diag_indices(len(moving))
@@ -84,8 +88,7 @@ def alike_unknown(problem: Problem, noise_m: float) -> Array:
     out = np.zeros((len(problem.prior_sd),) * 2)
     if problem.element.segments < 3:
         return out
-    for axis, sd in enumerate((TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD)):
-        joints = np.arange(BASE + 3 + axis, len(out), 3)
+    for joints, sd in zip(joints_by_axis(len(out)), (TWIST_SD_RAD, BEND_SD_RAD, BEND_SD_RAD), strict=True):
         p = (noise_m / problem.prior_sd[joints]) ** 2
         out[np.ix_(joints, joints)] = np.outer(p, p) / (p.sum() + (noise_m / sd) ** 2)
     return out
@@ -111,8 +114,7 @@ def unlikelihood(problem: Problem, x: Array, objective: Objective, noise_m: floa
     off = (x - problem.prior_mean) ** 2
     variance = np.zeros(len(x))
     variance[moving] = np.diag(S)
-    axes = [np.arange(BASE + 3 + axis, len(x), 3) for axis in range(3)]
-    moment = np.array([(off + variance)[joints] for joints in axes if np.isin(joints, moving).all()])
+    moment = np.array([(off + variance)[joints] for joints in joints_by_axis(len(x)) if np.isin(joints, moving).all()])
     scale = moment.mean(axis=1, keepdims=True)
     for _ in range(3 * EVIDENCE_ROUNDS):
         weight = (FREEDOM + len(moment)) / (FREEDOM + (moment / scale).sum(axis=0))

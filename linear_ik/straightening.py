@@ -12,9 +12,8 @@ from collections.abc import Callable
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.chain import BASE
 from linear_ik.descent import Descended, step_objective
-from linear_ik.evidence import evidence, unlikelihood
+from linear_ik.evidence import evidence, joints_by_axis, unlikelihood
 from linear_ik.problem import Problem
 from linear_ik.repair import drawn_back, straighter, through
 
@@ -76,7 +75,6 @@ def straightened(
 def stiffest(prior_sd: Array) -> Array:
     """Return prior deviations [6 + 3N], those of an axis's joints from 2 on all as small as their smallest."""
     sd: Array = prior_sd.copy()
-    for axis in range(3):
-        joints = np.arange(BASE + 3 + axis, len(sd), 3)
+    for joints in joints_by_axis(len(sd)):
         sd[joints] = sd[joints].min(initial=np.inf)
     return sd
