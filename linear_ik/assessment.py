@@ -21,6 +21,7 @@ LEAST_POINTS = 6
 LEAST_COVERAGE = 0.05
 LEAST_SCANNED = 0.2
 FLAT_BY_CHANCE = BESIDE / MATCHED - 1.0
+ALONE = 4.0  # times as crowded as chance: points that scatter as far as clutter does, and are none
 MOST_SPREAD_M = 0.010
 # Across the axis; more than a node may be unsure by where a fit claims to be right, unless points scatter more.
 MOST_ACROSS_M = 0.002
@@ -31,7 +32,8 @@ def assess_segments(problem: Problem, counted: Tally, foreign: Mask, noise_m: fl
 
     A segment is measured where points crowd on its surface: a cloud without it has three
     times as many points between 4 and 16 deviations from the surface as within 4, and about a
-    thin wire more.
+    thin wire more. Where they scatter 10 mm, which is no surface a scanner saw, hardly any may
+    lie beside it: a coarse grid through a pole that stands by itself.
 
     Args:
         problem: what was fitted.
@@ -41,7 +43,8 @@ def assess_segments(problem: Problem, counted: Tally, foreign: Mask, noise_m: fl
     """
     count = counted.matched
     covered = coverage(problem, counted)
-    crowded = count * by_chance(problem.surface.radius_m, noise_m) >= FLAT_BY_CHANCE * counted.beside
+    times = ALONE if noise_m >= LARGEST_NOISE_M else 1.0
+    crowded = count * by_chance(problem.surface.radius_m, noise_m) >= times * FLAT_BY_CHANCE * counted.beside
     seen = (count >= LEAST_POINTS) & (covered >= LEAST_COVERAGE) & crowded
     seen &= ~foreign
     between = _between(problem, seen | foreign)
@@ -145,7 +148,7 @@ def judge(
     """
     n = len(segments)
     measured = [s.status == "measured" for s in segments]
-    if sum(measured) < max(1.0, LEAST_SCANNED * n) or noise_m >= LARGEST_NOISE_M:
+    if sum(measured) < max(1.0, LEAST_SCANNED * n):
         near = int(sum(s.points for s in segments))
         return (
             Reason(

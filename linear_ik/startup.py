@@ -73,7 +73,9 @@ class Startup:
         self.refuted: Refuter = refuted or (lambda x, grown: False)
         self.problem, self.points, self.noise_m = problem, points, noise_m
         self.settings, self.solver, self.log = settings, solver, log
-        self.tau_m = float(np.clip(4.0 * noise_m, LEAST_TAU_M, MOST_TAU_M))
+        # The two sides of a pole are as far apart as it is thick.
+        most_m = max(MOST_TAU_M, 0.5 * (problem.surface.radius_m or 0.0))
+        self.tau_m = float(np.clip(4.0 * noise_m, LEAST_TAU_M, most_m))
         self.fields = distance_fields(problem.surface)
         self.rng = np.random.default_rng(settings.seed)
         self.design = problem.designed

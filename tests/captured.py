@@ -33,7 +33,7 @@ WIRE_M = (
     (0.2245, -0.124, 0.321),
     (0.2015, -0.113, 0.320),
 )
-# The grid of its points is 1/64 m in x and 1/32 m in y, for a post some 0.12 m thick.
+# The grid of its points is 1/64 m in x and 1/32 m in y, and its post some 0.1 m thick at the base.
 POST_M = (
     (-9.835, 0.015, -5.40),
     (-10.03, -0.005, -0.25),
@@ -79,7 +79,7 @@ def element_of(name: str) -> Element:
     if name == "wire":
         return _along(name, Circle(WIRE_RADIUS_M), WIRE_M, 14, PlacementTolerance(0.01, 2.0))
     if name == "lamppost":
-        return _along(name, Circle(0.06), POST_M, 20, PlacementTolerance(), Circle(0.03))
+        return _along(name, Circle(0.05), POST_M, 20, PlacementTolerance(), Circle(0.03))
     design = json.loads((DATA / "timber_design.json").read_text(encoding="utf-8"))[name]
     width, height = np.array(design["section_mm"]) / 1000
     return _between(
