@@ -69,8 +69,22 @@ class Matcher:
     computed on the exact faces in double precision.
     """
 
-    def __init__(self, surface: Surface, segment_length_m: Array, sights: Sights | None = None) -> None:
-        """Prepare the meshes of the segments; their poses come with each query, the points' stations once."""
+    def __init__(
+        self,
+        surface: Surface,
+        segment_length_m: Array,
+        sights: Sights | None = None,
+        handicap_m2: Array | None = None,
+    ) -> None:
+        """Prepare the meshes of the segments; their poses come with each query, the points' stations once.
+
+        Args:
+            surface: of every segment.
+            segment_length_m: [N].
+            sights: the points' stations.
+            handicap_m2: [E] of each face, added to its squared distance from a point before the least is taken; inf
+                for a face that nobody saw. None: the nearest face is taken.
+        """
         import open3d as o3d
 
         self._core = o3d.core
@@ -78,6 +92,7 @@ class Matcher:
         self.surface = surface
         # A round section has one face: nothing to choose from.
         self.sights = sights if surface.radius_m is None else None
+        self.handicap_m2 = handicap_m2
         self.segment_length_m = segment_length_m
         self._begin_m = np.cumsum(segment_length_m) - segment_length_m
         self._meshes, self._triangles = surface.segment_meshes(segment_length_m)
@@ -99,8 +114,8 @@ class Matcher:
             local[rows] = (local[rows] - pose.nodes_m[k]) @ pose.rotations[k]
             z = local[rows, 2]
             np.subtract(z, np.clip(z, 0.0, self.segment_length_m[k]), out=beyond[rows])
-        if self.sights is not None:
-            face = self._seen(pose, self.sights.stations_of(points[order]), starts, local, face)
+        if self.sights is not None or self.handicap_m2 is not None:
+            face = self._seen(pose, points[order], starts, local, face)
         axial, untapered = None, None
         if isinstance(self.surface, TaperedSurface):
             begin_m = np.repeat(self._begin_m[:n], np.diff(starts))
@@ -110,33 +125,36 @@ class Matcher:
         distance = np.sqrt(residual * residual + beyond * beyond)
         return Correspondences(order, starts, face, local, residual, gradient, distance, axial, untapered)
 
-    def _seen(self, pose: Pose, stations: Array, starts: Index, local: Array, face: Index) -> Index:
-        """Return the faces [P], those that look away from their point's station replaced by the nearest that does not.
+    def _seen(self, pose: Pose, points: Array, starts: Index, local: Array, face: Index) -> Index:
+        """Return the faces [P], those that cannot have been seen replaced by the nearest that can.
 
         Args:
             pose: of the chain.
-            stations: [P][3] that saw each point, element's frame.
+            points: [P][3] element's frame.
             starts: [N+1] first match of each segment, and P.
             local: [P][3] points in their segment's frame.
             face: [P] nearest to each.
         """
-        surface, sight = self.surface, np.empty((len(local), 2))
-        for k in range(len(starts) - 1):
-            rows = slice(starts[k], starts[k + 1])
-            seen_from = (stations[rows] - pose.nodes_m[k]) @ pose.rotations[k]
-            seen_from -= local[rows]
-            sight[rows] = seen_from[:, :2] / np.linalg.norm(seen_from, axis=1, keepdims=True)
-        cosine = np.einsum("pi,pi->p", surface.normals[face], sight)
-        away = np.flatnonzero(cosine < TURNED_AWAY)
-        if not len(away):
+        which, cosine = np.arange(len(local)), None
+        if self.sights is not None:
+            stations, sight = self.sights.stations_of(points), np.empty((len(local), 2))
+            for k in range(len(starts) - 1):
+                rows = slice(starts[k], starts[k + 1])
+                seen_from = (stations[rows] - pose.nodes_m[k]) @ pose.rotations[k]
+                seen_from -= local[rows]
+                sight[rows] = seen_from[:, :2] / np.linalg.norm(seen_from, axis=1, keepdims=True)
+            if self.handicap_m2 is None:
+                which = np.flatnonzero(np.einsum("pi,pi->p", self.surface.normals[face], sight) < TURNED_AWAY)
+            cosine = sight[which] @ self.surface.normals.T
+        if not len(which):
             return face
-        offset = local[away, None, :2] - surface.corners
-        along = np.clip(np.einsum("pei,ei->pe", offset, surface.tangents), 0.0, surface.widths_m)
-        offset -= along[:, :, None] * surface.tangents
-        squared = np.einsum("pei,pei->pe", offset, offset)
-        squared[sight[away] @ surface.normals.T < TURNED_AWAY] = np.inf
+        squared = squared_distances(self.surface, local[which])
+        if self.handicap_m2 is not None:
+            squared += self.handicap_m2
+        if cosine is not None:
+            squared[cosine < TURNED_AWAY] = np.inf
         face = face.copy()
-        face[away] = squared.argmin(axis=1)
+        face[which] = squared.argmin(axis=1)
         return face
 
     def _nearest_triangle(self, pose: Pose, points: Array, first: int, n: int) -> npt.NDArray[np.uint32]:
@@ -149,3 +167,11 @@ class Matcher:
         scene.add_triangles(tensor(vertices.reshape(-1, 3).astype(np.float32)), tensor(triangles))
         hit = scene.compute_closest_points(tensor(np.ascontiguousarray(points, dtype=np.float32)))
         return np.asarray(hit["primitive_ids"].numpy())
+
+
+def squared_distances(surface: Surface, local: Array) -> Array:
+    """Return the squared distance [P][E] of points [P][3], in their segment's frame, from each face."""
+    offset = local[:, None, :2] - surface.corners
+    along = np.clip(np.einsum("pei,ei->pe", offset, surface.tangents), 0.0, surface.widths_m)
+    offset -= along[:, :, None] * surface.tangents
+    return np.asarray(np.einsum("pei,pei->pe", offset, offset))

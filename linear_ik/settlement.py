@@ -37,6 +37,7 @@ from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import covariance, noise_of, point_noise
+from linear_ik.visible_sides import may_be_told, told_apart
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -123,6 +124,13 @@ def settle(
     noise_m = noise_used(found, settings)
     found = _descend(problem, found.x, some, noise_m, 0.2 * noise_m, foreign, None, settings, solver, log, robust_scale)
     trust: Array | None = None
+    if robust_scale < ROBUST_SCALE and may_be_told(problem):
+        narrow = noise_used(found, settings)
+
+        def again(there: Problem, x: Array) -> Descended:
+            return _descend(there, x, some, narrow, 0.1 * narrow, foreign, None, settings, solver, log, robust_scale)
+
+        problem, found = told_apart(problem, found, narrow, again)
     for _ in range(MOST_ROUNDS):
         noise_m = noise_used(found, settings)
         before_trust, trust = trust, trust_of(found.pairs, found.weights, noise_m)

@@ -21,6 +21,8 @@ MOST = 4.0  # factor of a weight, either way: a section that is not quite as des
 COS, SIN = np.cos(np.pi / SIDES), np.sin(np.pi / SIDES)
 OCTANT = np.array([0, 1, 3, 2, 7, 6, 4, 5])  # by sign of v, sign of u, and which is larger
 ALIKE = 1.3  # ratio of noises within which sides are one
+# A quarter of a patch's points off is something that touches it; mixed pixels are fewer.
+LEAST_OF_PATCH, TOUCHING, STRANGE, LEAST_TRUST = 20, 0.75, 2.0, 0.01
 
 
 def sides(directions: Array) -> Index:
@@ -32,19 +34,38 @@ def sides(directions: Array) -> Index:
 
 
 def trust_of(pairs: Correspondences, weights: Array, noise_m: float) -> Array | None:
-    """Return the factor [8] on the weights of each side, ``(noise / its own noise)^2``, or None where all are alike.
+    """Return the factor [N][8] on the weights of each side of each segment, or None where all are alike.
+
+    ``(noise / its own noise)^2`` of a side. A patch, a side of one segment, where points scatter twice as much as
+    elsewhere on that side is touched by something, a bracket flush with a flange's edge: it counts as its own scatter
+    says.
 
     Args:
         pairs: matches of a settled fit.
         weights: [P] theirs; matches without weight are left out.
         noise_m: standard deviation of all points together.
     """
-    used = weights > 0
+    used, n = weights > 0, len(pairs.starts) - 1
     side, residual = sides(pairs.gradient[used]), np.abs(pairs.residual_m[used])
     own_m = np.full(SIDES, noise_m)
     for k in np.flatnonzero(np.bincount(side, minlength=SIDES) >= LEAST_POINTS):
         own_m[k] = MAD_TO_SD * float(np.median(residual[side == k]))
     ratio = noise_m / np.maximum(own_m, 1e-12)
-    if (ratio < ALIKE).all() and (ratio > 1 / ALIKE).all():
+    alike = (ratio < ALIKE).all() and (ratio > 1 / ALIKE).all()
+    trust = np.tile(np.ones(SIDES) if alike else np.clip(ratio**2, 1 / MOST, MOST), (n, 1))
+    patch = pairs.segment[used] * SIDES + side
+    order = np.argsort(patch, kind="stable")
+    ends = np.cumsum(np.bincount(patch, minlength=n * SIDES))
+    scatter_m = np.full(n * SIDES, np.nan)
+    for k in np.flatnonzero(np.diff(ends, prepend=0) >= LEAST_OF_PATCH):
+        scatter_m[k] = np.quantile(residual[order[ends[k - 1] if k else 0 : ends[k]]], TOUCHING)
+    scatter_m = scatter_m.reshape(n, SIDES)
+    judged = np.isfinite(scatter_m)
+    usual_m = np.array(
+        [np.median(m[j]) if j.sum() >= 3 else np.inf for m, j in zip(scatter_m.T, judged.T, strict=True)]
+    )
+    strange = judged & (scatter_m > STRANGE * usual_m)
+    if alike and not strange.any():
         return None
-    return np.asarray(np.clip(ratio**2, 1 / MOST, MOST))
+    trust[strange] *= np.maximum((usual_m / scatter_m)[strange] ** 2, LEAST_TRUST)
+    return trust

@@ -58,7 +58,7 @@ class Stage:
         ignored: [N] segments whose matches have no weight, or None.
         depth_m: matches deeper inside have no weight: through an open end a scanner sees a
             hollow section from inside.
-        trust: [8] factor on the weights of each side that a match faces, or None for 1.
+        trust: [N][8] factor on the weights of each side of a segment that a match faces, or None for 1.
         pair: finds and weighs the matches of an iteration.
         term: what the matches ask of the step.
         close_m: converged too when no match is farther apart.
@@ -87,7 +87,7 @@ def on_surface(problem: Problem, pose: Pose, stage: Stage, i: int) -> Paired:
     pairs = problem.matcher.match(pose, stage.points, stage.segments, stage.first)
     weights = robust_weights(pairs.distance_m, scale_m)
     if stage.trust is not None:
-        weights *= stage.trust[sides(pairs.gradient)]
+        weights *= stage.trust[pairs.segment, sides(pairs.gradient)]
     if stage.ignored is not None:
         weights[stage.ignored[pairs.segment]] = 0.0
     if np.isfinite(stage.depth_m):

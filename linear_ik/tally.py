@@ -83,7 +83,7 @@ def tally(
         noise_m: standard deviation of a point on the surface.
         scale_m: robust scale of the weights.
         ignored: [N] segments whose points have no weight, or None.
-        trust: [8] factor on the weights of each side, or None.
+        trust: [N][8] factor on the weights of each side of each segment, or None.
     """
     n, columns, depth_m = pose.n_segments, np.arange(problem.chain.nv), depth_of(problem, noise_m)
     touched = np.zeros((n, *cells(problem)), dtype=bool)

@@ -1,0 +1,207 @@
+"""Visible sides: which way the thin plates of a section were seen from, told by how the points scatter about them.
+
+The nearest side is the wrong one for points that noise takes past the middle of a plate. Where only one side was
+seen these look like points of the other: the plate settles half its thickness off, and the scatter looks smaller than
+it is. Stations would tell (`sights`). Without them the scatter does: one side gives one bell, both give two, a
+plate's thickness apart.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.correspondence import Correspondences, squared_distances
+from linear_ik.descent import Descended
+from linear_ik.problem import Problem
+from linear_ik.surface import Surface
+from linear_ik.tapered_surface import TaperedSurface
+
+Array = npt.NDArray[np.float64]
+Index = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
+
+THIN = 8.0  # deviations, as they look before the sides are told apart
+REACH = 6.0  # deviations beyond either side
+OPPOSITE = -0.999  # cosine of two normals
+LEAST_LIKELIER = 3.0  # log likelihood
+LEAST_POINTS = 100
+ROUNDS = 40
+SPARSEST = 1e-3  # of the densest face
+
+
+class Plate(NamedTuple):
+    """Two faces of a section with its material between them.
+
+    Attributes:
+        front: edge of the outline.
+        back: edge on the other side.
+        thickness_m: between them.
+        between_m: where the two overlap, along the front.
+    """
+
+    front: int
+    back: int
+    thickness_m: float
+    between_m: tuple[float, float]
+
+
+def thin_plates(surface: Surface, most_m: float) -> list[Plate]:
+    """Return the plates of a section up to ``most_m`` thick, and at least twice as wide; each once."""
+    out = []
+    for e in range(len(surface.corners)):
+        for f in np.flatnonzero(surface.normals @ surface.normals[e] < OPPOSITE):
+            thickness_m = float((surface.corners[e] - surface.corners[f]) @ surface.normals[e])
+            ends = (surface.corners[[f, (f + 1) % len(surface.corners)]] - surface.corners[e]) @ surface.tangents[e]
+            low, high = max(0.0, float(ends.min())), min(float(surface.widths_m[e]), float(ends.max()))
+            if e < f and 0.0 < thickness_m <= most_m and high - low > 2.0 * thickness_m:
+                out.append(Plate(e, int(f), thickness_m, (low, high)))
+    return out
+
+
+def may_be_told(problem: Problem) -> bool:
+    """Whether a section has faces to be told apart."""
+    return problem.surface.radius_m is None and not isinstance(problem.surface, TaperedSurface)
+
+
+def told_apart(
+    problem: Problem,
+    found: Descended,
+    noise_m: float,
+    down: Callable[[Problem, Array], Descended],
+) -> tuple[Problem, Descended]:
+    """Return the problem without the faces that nobody saw, and its fit.
+
+    For the plates across each direction three hypotheses compete: both sides are seen, or one alone. Each is fitted;
+    the likelihood of the points on the plates is that of one normal distribution about the side that is seen, or of
+    two, in proportions and with a deviation of their own; other points and the joints add their squares.
+
+    Args:
+        problem: whose points name no stations.
+        found: its fit, each point matched to the nearest side.
+        noise_m: standard deviation of a point, as it looks.
+        down: descends from variables [6 + 3N] in a problem.
+    """
+    plates, handicap_m2 = thin_plates(problem.surface, THIN * noise_m), np.zeros(len(problem.surface.corners))
+    if problem.matcher.sights is not None:
+        plates = []
+    normals = problem.surface.normals
+    while plates:
+        group = [p for p in plates if abs(normals[p.front] @ normals[plates[0].front]) > -OPPOSITE]
+        plates = [p for p in plates if p not in group]
+        rows = [_on_plate(found.pairs, problem.surface, p, noise_m) for p in group]
+        if sum(map(len, rows)) < LEAST_POINTS:
+            continue
+        here = normals[group[0].front]
+        beyond, ends = (np.ones(len(found.pairs.order), dtype=bool) for _ in range(2))
+        for p, row in zip(group, rows, strict=True):
+            beyond[_on_plate(found.pairs, problem.surface, p, noise_m, wholly=False)] = False
+            ends[row] = False
+        trials = []
+        for sign in (1.0, -1.0):
+            hidden = [p.front if sign * (normals[p.front] @ here) > 0 else p.back for p in group]
+            handicap = handicap_m2.copy()
+            handicap[hidden] = np.inf
+            there = problem.favouring(handicap)
+            at = down(there, found.x)
+            scatter_m, likely = _unlikelihood(_outside(there, at, group, rows, hidden))
+            others = (_others(there, at, beyond, noise_m), _others(there, at, ends, scatter_m))
+            trials.append((there, at, likely + others[0], likely + others[1]))
+        # Where the plates end tells the one side from the other, but is nothing to compare both with.
+        (there, at, likely, value), (*_, mirrored) = sorted(trials, key=lambda trial: trial[3])
+        both = _unlikelihood(_outside(problem, found, group, rows, None))[1] + _others(problem, found, beyond, noise_m)
+        if likely < both - LEAST_LIKELIER and value < mirrored - LEAST_LIKELIER:
+            problem, found = there, at
+            handicap_m2 = np.asarray(problem.matcher.handicap_m2)
+    problem = problem.favouring(handicaps(problem.surface, found, handicap_m2, noise_m))
+    return problem, down(problem, found.x)
+
+
+def handicaps(surface: Surface, found: Descended, handicap_m2: Array, noise_m: float) -> Array:
+    """Return the handicap [E] of each face: -2 s^2 times the logarithm of the points on it for each metre of its width.
+
+    By expectation maximisation: a point is on a face with a probability that falls with its distance from it, as the
+    normal distribution does, and rises with the density of points there. A point near a corner so belongs to the face
+    that was seen, and a face that explains no point which another does not ends without any.
+
+    Args:
+        surface: of the section.
+        found: its fit.
+        handicap_m2: [E] inf for faces that nobody saw.
+        noise_m: s, standard deviation of a point.
+    """
+    squared = squared_distances(surface, found.pairs.local[found.weights > 0])
+    likely = np.exp(-0.5 * squared / noise_m**2) + 1e-300
+    density = np.where(np.isfinite(handicap_m2), 1.0, 0.0) / surface.widths_m
+    for _ in range(ROUNDS):
+        belongs = likely * density
+        belongs /= belongs.sum(axis=1, keepdims=True)
+        density = belongs.sum(axis=0) / surface.widths_m
+    with np.errstate(divide="ignore"):
+        relative = np.maximum(density / density.max(), 0.0)
+        return np.where(relative > SPARSEST, -2.0 * noise_m**2 * np.log(relative), np.inf)
+
+
+def _on_plate(pairs: Correspondences, surface: Surface, plate: Plate, noise_m: float, wholly: bool = True) -> Index:
+    """Return the rows of the points on a plate and near either side of it: away from its ends, or beyond them too."""
+    offset = pairs.section - surface.corners[plate.front]
+    along, outside = offset @ surface.tangents[plate.front], offset @ surface.normals[plate.front]
+    (low, high), reach_m = plate.between_m, REACH * noise_m
+    margin_m = min(3.0 * noise_m, 0.15 * (high - low)) if wholly else -reach_m
+    on = (along > low + margin_m) & (along < high - margin_m)
+    on &= (outside < reach_m) & (outside > -plate.thickness_m - reach_m)
+    return np.asarray(pairs.order[on])
+
+
+def _outside(
+    problem: Problem, at: Descended, plates: list[Plate], rows: list[Index], hidden: list[int] | None
+) -> list[Array]:
+    """Return how far outside the sides that may be seen [P][1 or 2] points of each plate are.
+
+    Args:
+        problem: for the section.
+        at: a fit.
+        plates: of the section.
+        rows: of the sample, the points [P] on each plate.
+        hidden: of each plate the side that is not seen; None where both are.
+    """
+    surface, order, out = problem.surface, at.pairs.order, []
+    place = np.empty(len(order), dtype=np.intp)
+    place[order] = np.arange(len(order))
+    for i, plate in enumerate(plates):
+        outside = (at.pairs.section[place[rows[i]]] - surface.corners[plate.front]) @ surface.normals[plate.front]
+        # Of the back by its own normal.
+        sides = np.column_stack([outside, -plate.thickness_m - outside])
+        out.append(sides if hidden is None else sides[:, [int(hidden[i] == plate.front)]])
+    return out
+
+
+def _others(problem: Problem, at: Descended, which: Mask, noise_m: float) -> float:
+    """Return minus the log likelihood of other points [S] of the sample, robustly, and of the joints."""
+    squares = np.minimum((at.pairs.distance_m[which[at.pairs.order]] / noise_m) ** 2, 9.0)
+    off = ((at.x - problem.prior_mean) / problem.prior_sd)[problem.variables]
+    return 0.5 * float(squares.sum()) + 0.5 * float(off @ off)
+
+
+def _unlikelihood(each: list[Array]) -> tuple[float, float]:
+    """Return the deviation of distances [P][1 or 2] from the sides of each plate, and minus their log likelihood.
+
+    By expectation maximisation. One deviation for all, and of each plate its own proportion of points on either side.
+    """
+    pairs = [d for d in each if len(d)]
+    variance = float(np.mean(np.concatenate([(d**2).min(axis=1) for d in pairs])))
+    shares = [np.full(d.shape[1], 1.0 / d.shape[1]) for d in pairs]
+    for _ in range(ROUNDS):
+        squares, count, value = 0.0, 0, 0.0
+        for i, d in enumerate(pairs):
+            density = shares[i] * np.exp(-0.5 * d**2 / variance) + 1e-300
+            sum_ = density.sum(axis=1)
+            value -= float(np.log(sum_).sum()) - 0.5 * len(d) * np.log(2.0 * np.pi * variance)
+            belongs = density / sum_[:, None]
+            shares[i] = belongs.mean(axis=0)
+            squares, count = squares + float((belongs * d**2).sum()), count + len(d)
+        variance = squares / count
+    return float(np.sqrt(variance)), value
