@@ -116,7 +116,7 @@ def doubted(settled: Settled, scan: Scan, settings: FitSettings) -> Iterator[Rea
         where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
         aside = f"it steps {1e3 * aside_m:.0f} mm aside at {where}"
         yield Reason("stepped_aside", f"{aside}: a neighbour may have been taken for it")
-    if plates_too_thin(*sample) and problem.matcher.sights is None:
+    if problem.matcher.sights is None and plates_too_thin(*sample, problem.matcher.seen):
         thin = "the two sides of the section's thin plates cannot be told apart"
         yield Reason(
             "thin_plates", f"points scatter {1e3 * noise_m:.1f} mm: {thin} (a scan that names its stations can)"

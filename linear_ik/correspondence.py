@@ -97,6 +97,13 @@ class Matcher:
         self._begin_m = np.cumsum(segment_length_m) - segment_length_m
         self._meshes, self._triangles = surface.segment_meshes(segment_length_m)
 
+    @property
+    def seen(self) -> npt.NDArray[np.bool_]:
+        """Which faces [E] points may lie on."""
+        if self.handicap_m2 is None:
+            return np.ones(len(self.surface.corners), dtype=bool)
+        return np.isfinite(self.handicap_m2)
+
     def match(self, pose: Pose, points: Array, segments: int | None = None, first: int = 0) -> Correspondences:
         """Match ``points`` [P][3] (element's frame) to segments ``first`` to ``segments`` - 1 of the chain."""
         n = pose.n_segments if segments is None else segments

@@ -155,17 +155,24 @@ def stepped_aside(pose: Pose) -> tuple[int, int, float] | None:
     return None
 
 
-def plates_too_thin(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> bool:
+def plates_too_thin(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float, seen: Mask) -> bool:
     """Whether a third of the points lie on plates less than 4 deviations thick, told apart by nothing else.
 
     The points of one side of such a plate are nearer to the other side, one in forty and
     more: the section shifts to where those few want it, and the covariance does not know.
+
+    Args:
+        surface: the section the points were matched to.
+        pairs: matches of the sample.
+        matched: [P] which of them lie on the surface.
+        noise_m: standard deviation of a point.
+        seen: [E] faces that points may lie on; a plate that is seen from one side only needs no telling apart.
     """
     if surface.radius_m is not None or not matched.any():
         return False
     middle = surface.corners + 0.5 * surface.widths_m[:, None] * surface.tangents
     half_m = 0.5 * THIN * noise_m
-    thin = surface.distances(middle - half_m * surface.normals) < 0.999 * half_m
+    thin = surface.faces(seen).distances(middle - half_m * surface.normals) < 0.999 * half_m
     thin &= surface.widths_m > 2.0 * THIN * noise_m  # not the edges of the plates themselves
     return bool(np.mean(thin[pairs.face[matched]]) > THIN_SHARE)
 

@@ -13,6 +13,7 @@ from linear_ik.correspondence import Correspondences
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
+Mask = npt.NDArray[np.bool_]
 
 SIDES = 8
 MAD_TO_SD = 1.4826  # median absolute deviation to standard deviation, of a normal distribution
@@ -22,7 +23,9 @@ COS, SIN = np.cos(np.pi / SIDES), np.sin(np.pi / SIDES)
 OCTANT = np.array([0, 1, 3, 2, 7, 6, 4, 5])  # by sign of v, sign of u, and which is larger
 ALIKE = 1.3  # ratio of noises within which sides are one
 # A quarter of a patch's points off is something that touches it; mixed pixels are fewer.
-LEAST_OF_PATCH, TOUCHING, STRANGE, LEAST_TRUST = 20, 0.75, 2.0, 0.01
+LEAST_OF_PATCH, TOUCHING, STRANGE = 20, 0.75, 2.0
+LEAST_ALIKE = 3  # patches of a side, to tell what is usual there
+LEAST_TRUST = 0.01
 
 
 def sides(directions: Array) -> Index:
@@ -37,8 +40,7 @@ def trust_of(pairs: Correspondences, weights: Array, noise_m: float) -> Array | 
     """Return the factor [N][8] on the weights of each side of each segment, or None where all are alike.
 
     ``(noise / its own noise)^2`` of a side. A patch, a side of one segment, where points scatter twice as much as
-    elsewhere on that side is touched by something, a bracket flush with a flange's edge: it counts as its own scatter
-    says.
+    elsewhere on that side is touched by something, a bracket flush with a flange's edge: it hardly counts.
 
     Args:
         pairs: matches of a settled fit.
@@ -53,19 +55,29 @@ def trust_of(pairs: Correspondences, weights: Array, noise_m: float) -> Array | 
     ratio = noise_m / np.maximum(own_m, 1e-12)
     alike = (ratio < ALIKE).all() and (ratio > 1 / ALIKE).all()
     trust = np.tile(np.ones(SIDES) if alike else np.clip(ratio**2, 1 / MOST, MOST), (n, 1))
-    patch = pairs.segment[used] * SIDES + side
-    order = np.argsort(patch, kind="stable")
-    ends = np.cumsum(np.bincount(patch, minlength=n * SIDES))
-    scatter_m = np.full(n * SIDES, np.nan)
-    for k in np.flatnonzero(np.diff(ends, prepend=0) >= LEAST_OF_PATCH):
-        scatter_m[k] = np.quantile(residual[order[ends[k - 1] if k else 0 : ends[k]]], TOUCHING)
-    scatter_m = scatter_m.reshape(n, SIDES)
-    judged = np.isfinite(scatter_m)
-    usual_m = np.array(
-        [np.median(m[j]) if j.sum() >= 3 else np.inf for m, j in zip(scatter_m.T, judged.T, strict=True)]
-    )
-    strange = judged & (scatter_m > STRANGE * usual_m)
+    strange = touched(pairs.segment[used], side, residual, n)
     if alike and not strange.any():
         return None
-    trust[strange] *= np.maximum((usual_m / scatter_m)[strange] ** 2, LEAST_TRUST)
-    return trust
+    return np.where(strange, LEAST_TRUST * trust, trust)
+
+
+def touched(segment: Index, side: Index, residual_m: Array, segments: int) -> Mask:
+    """Return the patches [N][8], a side of one segment, where points scatter twice as far as on that side elsewhere.
+
+    Args:
+        segment: [P] of each match.
+        side: [P] that it faces.
+        residual_m: [P] its distance to the surface.
+        segments: N.
+    """
+    patch = segment * SIDES + side
+    parts = np.split(
+        residual_m[np.argsort(patch, kind="stable")], np.cumsum(np.bincount(patch, minlength=segments * SIDES))
+    )
+    scatter_m = np.array([np.quantile(p, TOUCHING) if len(p) >= LEAST_OF_PATCH else np.nan for p in parts[:-1]])
+    scatter_m = scatter_m.reshape(segments, SIDES)
+    usual_m = np.full(SIDES, np.inf)
+    for k, column in enumerate(scatter_m.T):
+        if np.isfinite(column).sum() >= LEAST_ALIKE:
+            usual_m[k] = np.nanmedian(column)
+    return np.asarray(scatter_m > STRANGE * usual_m)

@@ -66,6 +66,10 @@ class Surface:
         radius = None if self.radius_m is None else self.radius_m * float(scale[0])
         return self.of_outline(self.corners * scale, radius)
 
+    def faces(self, which: npt.NDArray[np.bool_]) -> Surface:
+        """Return some faces [E], of no closed outline: for distances only."""
+        return Surface(self.corners[which], self.tangents[which], self.normals[which], self.widths_m[which], None)
+
     @property
     def size_m(self) -> Array:
         """Width and depth of the bounding box [2]."""
