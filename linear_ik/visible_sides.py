@@ -116,11 +116,12 @@ def told_apart(
         if likely < both - LEAST_LIKELIER and value < mirrored - LEAST_LIKELIER:
             problem, found = there, at
             handicap_m2 = np.asarray(problem.matcher.handicap_m2)
-    problem = problem.favouring(handicaps(problem.surface, found, handicap_m2, noise_m))
+
+    problem = problem.favouring(handicaps(problem.surface, found, np.isinf(handicap_m2), noise_m))
     return problem, down(problem, found.x)
 
 
-def handicaps(surface: Surface, found: Descended, handicap_m2: Array, noise_m: float) -> Array:
+def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) -> Array:
     """Return the handicap [E] of each face: -2 s^2 times the logarithm of the points on it for each metre of its width.
 
     By expectation maximisation: a point is on a face with a probability that falls with its distance from it, as the
@@ -130,18 +131,18 @@ def handicaps(surface: Surface, found: Descended, handicap_m2: Array, noise_m: f
     Args:
         surface: of the section.
         found: its fit.
-        handicap_m2: [E] inf for faces that nobody saw.
+        hidden: [E] faces that nobody saw.
         noise_m: s, standard deviation of a point.
     """
     squared = squared_distances(surface, found.pairs.local[found.weights > 0])
     likely = np.exp(-0.5 * squared / noise_m**2) + 1e-300
-    density = np.where(np.isfinite(handicap_m2), 1.0, 0.0) / surface.widths_m
+    density = np.where(hidden, 0.0, 1.0 / surface.widths_m)
     for _ in range(ROUNDS):
         belongs = likely * density
         belongs /= belongs.sum(axis=1, keepdims=True)
         density = belongs.sum(axis=0) / surface.widths_m
     with np.errstate(divide="ignore"):
-        relative = np.maximum(density / density.max(), 0.0)
+        relative = density / density.max()
         return np.where(relative > SPARSEST, -2.0 * noise_m**2 * np.log(relative), np.inf)
 
 
