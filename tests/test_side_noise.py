@@ -33,8 +33,8 @@ def test_a_side_of_less_noise_is_trusted_more_within_bounds() -> None:
     pairs = pairs_of([0.001, 0.001, 0.0005, 0.003])
     trust = trust_of(pairs, np.ones(8000), 0.001)
     assert trust is not None
-    assert trust[[0, 2, 4]] == pytest.approx([1.0, 1.0, 4.0], rel=0.15)
-    assert trust[6] == 1 / MOST and (trust[1::2] == 1.0).all()
+    assert trust[0, [0, 2, 4]] == pytest.approx([1.0, 1.0, 4.0], rel=0.15)
+    assert trust[0, 6] == 1 / MOST and (trust[0, 1::2] == 1.0).all()
 
 
 def test_alike_sides_and_few_points_change_nothing() -> None:
@@ -44,6 +44,22 @@ def test_alike_sides_and_few_points_change_nothing() -> None:
     unweighted = np.ones(8000)
     unweighted[4000:] = 0.0
     assert trust_of(pairs_of([0.001, 0.001, 0.0002, 0.01]), unweighted, 0.001) is None
+
+
+def test_a_side_that_something_touches_in_one_segment_hardly_counts_there() -> None:
+    rng, n, each = np.random.default_rng(2), 6, 200
+    residual = 0.001 * rng.standard_normal((n, 4, each))
+    residual[2, 1, :80] = rng.uniform(0.002, 0.008, 80)  # a bracket flush with the +y side
+    residual[4, 2, :4] = 0.008  # some mixed pixels
+    segment, quarter = (np.repeat(np.arange(k), each * m) for k, m in ((n, 4), (4, 1)))
+    normals = np.array([[1.0, 0.0], [0.0, 1.0], [-1.0, 0.0], [0.0, -1.0]])[np.tile(quarter, n)]
+    rows, starts = np.arange(residual.size), np.searchsorted(segment, np.arange(n + 1))
+    flat = residual.ravel()
+    pairs = Correspondences(rows, starts, rows, np.zeros((flat.size, 3)), flat, normals, np.abs(flat))
+    trust = trust_of(pairs, np.ones(flat.size), 0.001)
+    assert trust is not None
+    assert np.argwhere(trust < 0.1).tolist() == [[2, 2]]
+    assert trust[2, 0] == trust[1, 2] == 1.0
 
 
 @pytest.mark.parametrize("profile", [Rectangle(0.1, 0.3), Circle(0.1)], ids=lambda p: p.type)
