@@ -9,11 +9,12 @@ fitted to something else: a flange, a bracket, a notch.
 from __future__ import annotations
 
 from dataclasses import dataclass, replace
+from functools import partial
 
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.chain import BASE, Pose
+from linear_ik.chain import Pose
 from linear_ik.correspondence import Correspondences
 from linear_ik.descent import (
     Descended,
@@ -26,17 +27,18 @@ from linear_ik.descent import (
 )
 from linear_ik.ends import Slide, anchored, shift_at_start, slide_of_ends
 from linear_ik.evidence import evidence, prior_move
+from linear_ik.foreign import foreign_segments
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
-from linear_ik.side_noise import MAD_TO_SD, trust_of
+from linear_ik.side_noise import trust_of
 from linear_ik.stage import Stage, depth_of, on_surface
 from linear_ik.straightening import straightened
 from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
-from linear_ik.uncertainty import covariance, noise_of, point_noise
+from linear_ik.uncertainty import covariance, noise_of
 from linear_ik.visible_sides import may_be_told, told_apart
 
 Array = npt.NDArray[np.float64]
@@ -50,10 +52,6 @@ STILL = 0.1  # of the noise: what the step on all points may be left to do
 MOST_ROUNDS = 5
 MOST_ITERATIONS = 50
 SLIDE_SEEN_M = 0.003
-FOREIGN_RATIO, FOREIGN_RATIO_KINKED = 2.0, 1.5
-KINK_RATIO, LEAST_KINK_RAD = 5.0, np.radians(0.05)
-FOREIGN_EXCESS_M = 0.0004
-ROUGHNESS_RATIO = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -98,6 +96,34 @@ class Settled:
     slide: Slide | None
 
 
+@dataclass(frozen=True, eq=False)
+class _Descents:
+    """Descents on one sample of the points."""
+
+    some: Array
+    settings: FitSettings
+    solver: Solver
+    log: Log
+    robust_scale: float
+
+    def from_(
+        self, problem: Problem, x: Array, noise_m: float, foreign: Mask, trust: Array | None, stop: float = 0.1
+    ) -> Descended:
+        """Descend from x [6 + 3N] until no node moves by a share of the noise."""
+        stage = Stage(
+            "sample",
+            self.some,
+            (self.robust_scale * noise_m,),
+            noise_m,
+            MOST_ITERATIONS,
+            max(2e-5, stop * noise_m),
+            ignored=foreign if foreign.any() else None,
+            depth_m=depth_of(problem, noise_m),
+            trust=trust,
+        )
+        return descend(problem, x, stage, self.settings, self.solver, self.log)
+
+
 def settle(
     problem: Problem,
     found: Descended,
@@ -122,15 +148,13 @@ def settle(
     foreign = np.zeros(problem.element.segments, dtype=bool)
     misfit: SectionMisfit | None = None
     noise_m = noise_used(found, settings)
-    found = _descend(problem, found.x, some, noise_m, 0.2 * noise_m, foreign, None, settings, solver, log, robust_scale)
+    descents = _Descents(some, settings, solver, log, robust_scale)
+    found = descents.from_(problem, found.x, noise_m, foreign, None, stop=0.2)
     trust: Array | None = None
     if robust_scale < ROBUST_SCALE and may_be_told(problem):
-        narrow = noise_used(found, settings)
-
-        def again(there: Problem, x: Array) -> Descended:
-            return _descend(there, x, some, narrow, 0.1 * narrow, foreign, None, settings, solver, log, robust_scale)
-
-        problem, found = told_apart(problem, found, narrow, again)
+        noise_m = noise_used(found, settings)
+        down = partial(descents.from_, noise_m=noise_m, foreign=foreign, trust=None)
+        problem, found = told_apart(problem, found, noise_m, down)
     for _ in range(MOST_ROUNDS):
         noise_m = noise_used(found, settings)
         before_trust, trust = trust, trust_of(found.pairs, found.weights, noise_m)
@@ -156,17 +180,12 @@ def settle(
                 problem = problem.held()
         if not changed and found.converged and prior_move(before, problem, found, objective, noise_m) < STILL * noise_m:
             break  # the step on all points will take the new prior in
-        found = _descend(
-            problem, found.x, some, noise_m, 0.1 * noise_m, foreign, trust, settings, solver, log, robust_scale
-        )
+        found = descents.from_(problem, found.x, noise_m, foreign, trust)
         if not changed:
             break
     if robust_scale < ROBUST_SCALE and not foreign.any():
         noise_m = noise_used(found, settings)
-
-        def down(there: Problem, x: Array) -> Descended:
-            return _descend(there, x, some, noise_m, 0.1 * noise_m, foreign, trust, settings, solver, log, robust_scale)
-
+        down = partial(descents.from_, noise_m=noise_m, foreign=foreign, trust=trust)
         problem, found = straightened(problem, found, noise_m, robust_scale, down)
     noise_m = noise_used(found, settings)
     return last_step(count(problem, found, some, noise_m, foreign, trust, misfit, robust_scale), settings, solver, log)
@@ -245,34 +264,6 @@ def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settl
     return count(problem, found, problem.points, noise_m, no_segments, None, None, ROBUST_SCALE)
 
 
-def _descend(
-    problem: Problem,
-    x: Array,
-    some: Array,
-    noise_m: float,
-    stop_m: float,
-    foreign: Mask,
-    trust: Array | None,
-    settings: FitSettings,
-    solver: Solver,
-    log: Log,
-    robust_scale: float,
-) -> Descended:
-    ignored = foreign if foreign.any() else None
-    stage = Stage(
-        "sample",
-        some,
-        (robust_scale * noise_m,),
-        noise_m,
-        MOST_ITERATIONS,
-        max(2e-5, stop_m),
-        ignored=ignored,
-        depth_m=depth_of(problem, noise_m),
-        trust=trust,
-    )
-    return descend(problem, x, stage, settings, solver, log)
-
-
 def _matched(found: Descended, noise_m: float) -> Mask:
     return np.asarray((found.weights > 0) & (found.pairs.distance_m <= MATCHED * noise_m))
 
@@ -281,47 +272,3 @@ def slide_seen(problem: Problem, found: Descended, objective: Objective, noise_m
     """Whether the bends of the element fix its place along its axis to 3 mm."""
     S, _ = covariance(problem.released(), found.pose, objective, noise_m)
     return bool(np.sqrt(S[AXIAL, AXIAL]) < SLIDE_SEEN_M)
-
-
-def foreign_segments(problem: Problem, found: Descended, ignored: Mask) -> Mask:
-    """Return which segments [N] lie on points of something else.
-
-    Their points scatter twice as much as the other segments' points, or half as much
-    again while the segment kinks far more than the rest of the element. A member that
-    really kinks keeps its scatter, and so does one that would kink further than its
-    joints may. So does one whose points scatter as much among their neighbours as about
-    the designed surface: that is noise, which a scanner has more of where it looks
-    straight at a face than along it.
-    """
-    used = found.weights > 0
-    segment = found.pairs.segment[used]
-    residual = np.abs(found.pairs.residual_m[used])
-    parts = np.split(residual, np.searchsorted(segment, np.arange(1, len(ignored))))
-    judged = np.array([len(part) >= 20 for part in parts]) & ~ignored
-    if judged.sum() < 3:
-        return np.zeros(len(ignored), dtype=bool)
-    noise_m = np.array([MAD_TO_SD * float(np.median(part)) if len(part) else 0.0 for part in parts])
-    usual_m = float(np.median(noise_m[judged]))
-    x, lower, upper = found.x[BASE:], problem.chain.lower[BASE:], problem.chain.upper[BASE:]
-    bends = np.linalg.norm((x - problem.prior_mean[BASE:]).reshape(-1, 3)[:, 1:], axis=1)
-    if problem.chain.upper[3] > 0:
-        bends[0] = 0.0  # the first joint shares the base's rotation
-    at_limit: Mask = np.any(((x <= lower) | (x >= upper)).reshape(-1, 3), axis=1)
-    worst, limited = bends.copy(), at_limit.copy()
-    worst[:-1] = np.maximum(worst[:-1], bends[1:])
-    limited[:-1] |= at_limit[1:]
-    rest = np.array(
-        [np.sqrt(np.mean(np.delete(bends, [k, min(k + 1, len(bends) - 1)]) ** 2)) for k in range(len(bends))]
-    )
-    kinked = worst > KINK_RATIO * np.maximum(rest, LEAST_KINK_RAD)
-    ratio = np.where(kinked, FOREIGN_RATIO_KINKED, FOREIGN_RATIO)
-    suspect = judged & ~limited & (noise_m > ratio * usual_m) & (noise_m > usual_m + FOREIGN_EXCESS_M)
-    R, nodes, rng = found.pose.rotations, found.pose.nodes_m, np.random.default_rng(0)
-    middle = (nodes[1:] + nodes[:-1]) / 2
-    reach_m = problem.surface.reach_m + problem.element.segment_length_m / 2
-    for k in np.flatnonzero(suspect):
-        # Of all its points: a sample's neighbours are too far apart to lie on one face.
-        near = problem.points[np.linalg.norm(problem.points - middle[k], axis=1) < reach_m]
-        roughness_m = point_noise(found.pairs.local[used][segment == k] @ R[k].T + nodes[k], near, rng)
-        suspect[k] = noise_m[k] > ROUGHNESS_RATIO * roughness_m
-    return np.asarray(suspect)
