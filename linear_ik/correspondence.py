@@ -9,6 +9,7 @@ face that looks away from its station.
 from __future__ import annotations
 
 from dataclasses import dataclass
+from typing import Any
 
 import numpy as np
 import numpy.typing as npt
@@ -164,15 +165,26 @@ class Matcher:
         face[which] = squared.argmin(axis=1)
         return face
 
-    def _nearest_triangle(self, pose: Pose, points: Array, first: int, n: int) -> npt.NDArray[np.uint32]:
-        """Return the nearest triangle [P] of segments ``first`` to n - 1, one mesh after the other."""
-        corners = self._meshes.shape[1]
-        vertices = self._meshes[first:n] @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
-        each = np.arange(0, (n - first) * corners, corners, dtype=np.uint32)
+    def posed(self, pose: Pose, first: int = 0, segments: int | None = None) -> Any:
+        """Return Open3D's scene of segments ``first`` to ``segments`` - 1 of a posed chain, mesh after mesh."""
+        corners, meshes = self._meshes.shape[1], self._meshes[first:segments]
+        n = first + len(meshes)
+        vertices = meshes @ pose.rotations[first:n].transpose(0, 2, 1) + pose.nodes_m[first:n, None]
+        each = np.arange(0, len(meshes) * corners, corners, dtype=np.uint32)
         triangles = (self._triangles + each[:, None, None]).reshape(-1, 3)
         scene, tensor = self._scene(nthreads=0), self._core.Tensor
         scene.add_triangles(tensor(vertices.reshape(-1, 3).astype(np.float32)), tensor(triangles))
-        hit = scene.compute_closest_points(tensor(np.ascontiguousarray(points, dtype=np.float32)))
+        return scene
+
+    @property
+    def triangles(self) -> int:
+        """Triangles of one segment in the scene."""
+        return len(self._triangles)
+
+    def _nearest_triangle(self, pose: Pose, points: Array, first: int, n: int) -> npt.NDArray[np.uint32]:
+        """Return the nearest triangle [P] of segments ``first`` to n - 1."""
+        query = self._core.Tensor(np.ascontiguousarray(points, dtype=np.float32))
+        hit = self.posed(pose, first, n).compute_closest_points(query)
         return np.asarray(hit["primitive_ids"].numpy())
 
 

@@ -204,17 +204,8 @@ class _Body:
     def __init__(self, problem: Problem, pose: Pose, grown: int | None) -> None:
         import open3d as o3d
 
-        meshes, triangles = problem.surface.segment_meshes(problem.chain.segment_length_m)
-        meshes = meshes[:grown]
-        n, corners = meshes.shape[:2]
-        vertices = meshes @ pose.rotations[:n].transpose(0, 2, 1) + pose.nodes_m[:n, None]
-        each = np.arange(0, n * corners, corners, dtype=np.uint32)
-        self._tensor, self._each = o3d.core.Tensor, len(triangles)
-        self._scene = o3d.t.geometry.RaycastingScene(nthreads=0)
-        self._scene.add_triangles(
-            self._tensor(vertices.reshape(-1, 3).astype(np.float32)),
-            self._tensor((triangles + each[:, None, None]).reshape(-1, 3)),
-        )
+        self._tensor, self._each = o3d.core.Tensor, problem.matcher.triangles
+        self._scene = problem.matcher.posed(pose, segments=grown)
 
     def first_hit(self, start: Array, ahead: Array) -> tuple[Array, Count, Mask]:
         """Return how far rays [R] get, in which segment (from 0), and whether the face there looks towards the start.

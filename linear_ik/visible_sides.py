@@ -134,6 +134,8 @@ def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) 
         hidden: [E] faces that nobody saw.
         noise_m: s, standard deviation of a point.
     """
+    if not (found.weights > 0).any():
+        return np.where(hidden, np.inf, 0.0)
     squared = squared_distances(surface, found.pairs.local[found.weights > 0])
     likely = np.exp(-0.5 * squared / noise_m**2) + 1e-300
     density = np.where(hidden, 0.0, 1.0 / surface.widths_m)
