@@ -10,9 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.descent import Descended, Log, descend
-from linear_ik.doubts import (
-    quadrants,
-)
+from linear_ik.doubts import quadrants, stepped_aside
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
@@ -35,6 +33,8 @@ LEAST_POINTS = 12  # of a segment
 LEAST_SIDE = 0.25  # of the points that a side would have in a complete scan
 THICK = 30.0  # deviations; a segment between two sides so far apart has two points in three on neither
 SEARCH_POINTS_A_SEGMENT = 300
+NEARLY_AS_MANY = 0.75  # segments on points
+GENTLE_RAD = np.radians(3.0)  # bends of a joint that are searched where sharper ones led astray
 
 
 def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver, log: Log) -> tuple[Descended, bool]:
@@ -106,6 +106,14 @@ def seen_around(problem: Problem, found: Descended) -> bool:
     return bool((seen >= np.minimum(LEAST_SIDE * expected, expected - 3.0 * np.sqrt(expected))).all())
 
 
+def forced(problem: Problem, x: Array) -> bool:
+    """Whether a chain [6 + 3N] is where only a neighbour would take it: stepped aside, or at its limits."""
+    chain = problem.chain
+    room = np.flatnonzero(chain.upper > chain.lower)
+    at_limit = (x[room] <= chain.lower[room]) | (x[room] >= chain.upper[room])
+    return bool(at_limit.any()) or stepped_aside(chain.pose(x)) is not None
+
+
 def searched(
     problem: Problem,
     scan: Scan,
@@ -122,7 +130,13 @@ def searched(
     area = problem.surface.perimeter_m * problem.element.segment_length_m
     cloud = thinned(problem.points, float(np.sqrt(area / SEARCH_POINTS_A_SEGMENT)), settings.seed)
     noise_m = settings.range_noise_m or point_noise(cloud, problem.points, rng)
-    startup = Startup(problem, cloud, noise_m, settings, solver, log, refuter(problem, scan, noise_m, settings.seed))
+    refuted = refuter(problem, scan, noise_m, settings.seed)
+    startup = Startup(problem, cloud, noise_m, settings, solver, log, refuted)
     best = startup.better([startup.run(), startup.finish(found.x)])
+    if forced(problem, best):
+        other = Startup(problem.bending(GENTLE_RAD), cloud, noise_m, settings, solver, log, refuted).run()
+        # A neighbour may show more points; that does not make it the element.
+        if not forced(problem, other) and startup.supported(other) >= NEARLY_AS_MANY * startup.supported(best):
+            best = other
     cloud = startup.around(best)
     return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)

@@ -12,6 +12,7 @@ it equal bounds. Everything is in the element's frame, metres and radians.
 from __future__ import annotations
 
 from collections.abc import Iterator
+from copy import copy
 from dataclasses import dataclass
 from typing import NamedTuple
 
@@ -204,6 +205,12 @@ class Chain:
         first = self._pieces[0]
         pin.forwardKinematics(first.model, first.data, x[first.columns])
         return np.asarray(first.data.oMi[1].homogeneous.copy())
+
+    def bounded(self, lower: Array, upper: Array) -> Chain:
+        """Return the chain in another box [6 + 3N]."""
+        other = copy(self)
+        other.lower, other.upper = lower, upper
+        return other
 
     def clip(self, x: Array) -> Array:
         """Return ``x`` within the box, exactly."""

@@ -15,9 +15,7 @@ from linear_ik.chain import Pose
 from linear_ik.conclusion import Clock, absent, conclude
 from linear_ik.coordinates import coarse_step_m, distance_hint, unit_hint
 from linear_ik.descent import Log
-from linear_ik.doubts import (
-    turned_away,
-)
+from linear_ik.doubts import turned_away
 from linear_ik.element import Element
 from linear_ik.errors import ElementError, ScanError
 from linear_ik.fitted_length import fit_length

@@ -107,6 +107,14 @@ class Problem:
             return self
         return replace(self, variables=np.setdiff1d(self.variables, [AXIAL]))
 
+    def bending(self, most_rad: float) -> Problem:
+        """Return the problem with joints that bend, from the design, no further than ``most_rad``."""
+        chain, joints = self.chain, slice(BASE, None)
+        lower, upper = chain.lower.copy(), chain.upper.copy()
+        lower[joints] = np.maximum(lower[joints], self.designed[joints] - most_rad)
+        upper[joints] = np.minimum(upper[joints], self.designed[joints] + most_rad)
+        return replace(self, chain=chain.bounded(lower, upper))
+
     def expecting(self, prior_sd: Array, prior_mean: Array | None = None) -> Problem:
         """Return the problem under another prior: deviations and, where given, means [6 + 3N]."""
         return replace(self, prior_sd=prior_sd, prior_mean=self.prior_mean if prior_mean is None else prior_mean)

@@ -35,6 +35,7 @@ CHILDREN = 3
 SHIFT_STEP_M, MOST_STEPS = 0.02, 8  # of a floating base, each way; a large tolerance is searched more coarsely
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
+LEAST_SUPPORT = 12  # points
 SLIDES = (-0.8, -0.4, 0.4, 0.8)  # of what the start's tolerance allows
 BENT_RAD = np.radians(3.0)  # from where on bends show a slide
 
@@ -296,6 +297,13 @@ class Startup:
     def bend_cost(self, x: Array) -> float:
         """Return what the bends cost under the prior: minus the logarithm of their probability."""
         return 0.5 * float((((x - self.design) / self.problem.prior_sd)[BASE:] ** 2).sum())
+
+    def supported(self, x: Array) -> int:
+        """Return how many segments of a chain explain a dozen points."""
+        n = self.problem.element.segments
+        pairs = self.problem.matcher.match(self.problem.chain.pose(x), self.points)
+        on = np.bincount(pairs.segment[pairs.distance_m < self.tau_m], minlength=n)
+        return int(np.count_nonzero(on >= LEAST_SUPPORT))
 
     def best(self, hypotheses: list[Hypothesis], width: int) -> list[Hypothesis]:
         """Return the best distinct hypotheses, best first; refuted ones only where there are no others."""

@@ -167,4 +167,3 @@ def test_the_lamppost_is_found_and_not_believed():
         off_m.append(np.linalg.norm(np.percentile(slab, (5, 95), axis=0).mean(axis=0) - axis))
     assert np.median(off_m) < 0.031
     assert np.quantile(off_m, 0.9) < 0.06
-
