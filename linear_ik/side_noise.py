@@ -23,7 +23,7 @@ COS, SIN = np.cos(np.pi / SIDES), np.sin(np.pi / SIDES)
 OCTANT = np.array([0, 1, 3, 2, 7, 6, 4, 5])  # by sign of v, sign of u, and which is larger
 ALIKE = 1.3  # ratio of noises within which sides are one
 # A quarter of a patch's points off is something that touches it; mixed pixels are fewer.
-LEAST_OF_PATCH, TOUCHING, STRANGE = 20, 0.75, 2.0
+LEAST_OF_PATCH, TOUCHING, STRANGE = 8, 0.75, 2.0
 LEAST_ALIKE = 3  # patches of a side, to tell what is usual there
 LEAST_TRUST = 0.01
 

@@ -155,7 +155,7 @@ def test_a_wire_of_a_harness_lies_on_its_points():
 
 
 def test_the_lamppost_is_found_and_not_believed():
-    """Its points lie on a grid of up to 31 mm, a third of its thickness, and fill it: where it stands, and no better."""
+    """Its points lie on a grid of up to 31 mm and fill it: it is said where it stands, and no better."""
     result = fitted("lamppost")
     assert result.status == "uncertain"
     assert any("points scatter" in reason for reason in result.reasons)

@@ -54,7 +54,7 @@ def test_both_sides_stay_where_both_were_seen() -> None:
 
 
 def test_a_corner_shows_no_face_that_was_not_seen() -> None:
-    """Of one face of a beam noise takes the points at its edges beyond the corner: they do not show where it lies along."""
+    """Noise takes points at a face's edges around the corner; they do not show where the beam lies along that face."""
     element = Element("beam", Rectangle(0.1, 0.3), 3.0)
     inside = []
     for seed in range(1, 5):
