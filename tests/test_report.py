@@ -86,6 +86,18 @@ def test_a_run_is_its_results_and_what_its_table_says(tmp_path: Path) -> None:
     assert run.members[0].versions["python"] and run.members[0].profile == "HEB 200"
 
 
+def test_the_class_of_the_table_says_which_clauses_are_for_a_member(tmp_path: Path) -> None:
+    """A leaning pipe is no column; what a person states of it goes before what the table says."""
+    folder, aisc = write_run(tmp_path, 3), load_tolerances("aisc303")
+    table = (folder / "elements.csv").read_text().replace("IfcColumn", "IfcPipeSegment")
+    (folder / "elements.csv").write_text(table)
+    run = read_run(folder, aisc)
+    assert [m.outcome for m in run.members] == ["not_applicable"] * 3
+    assert "this is an IfcPipeSegment" in render(run)
+    each = ConditionsOfEach(named={"C-1": Conditions(ifc_class="IfcColumn")})
+    assert [m.outcome for m in read_run(folder, aisc, each).members] == ["not_applicable", "pass", "not_applicable"]
+
+
 def test_a_result_alone_and_a_folder_of_results(tmp_path: Path) -> None:
     write_result(leaning(0.001, "my column"), tmp_path / "r.json")
     for source in (tmp_path / "r.json", tmp_path):

@@ -190,6 +190,10 @@ def _outcome(
     sag: ElasticSag | None,
 ) -> tuple[Outcome, str]:
     """Return the outcome and its reason: first whether the clause holds, then what is not known, then the figure."""
+    element = result.element
+    other = clause.not_for(known.ifc_class, (element.profile.type, element.profile_at(1.0).type))
+    if other:
+        return "not_applicable", other
     if found is None or figure is None:
         return "inconclusive", "the element was not found in the scan"
     if clause.applies_to != "any" and (clause.applies_to == "vertical") != found.vertical:
