@@ -255,10 +255,10 @@ def test_a_band_that_is_not_known_is_left_out_and_said() -> None:
     band[3, 0] = np.nan
     plot = curve_plot(replace(curve, band=band), 3.0, "w", member.result.segments)
     assert plot.count('class="band x"') == 2 and plot.count('class="band y"') == 1
-    assert "band not known at 1 of 7 nodes" in plot
-    unknown = replace(member.deviations, offset_m=replace(curve, band=np.full_like(curve.band, np.inf)))
+    assert "band not known at 1 of 7 places" in plot
+    unknown = replace(member.deviations, offset_between_m=replace(curve, band=np.full_like(curve.band, np.inf)))
     page = render(Run("r", (replace(member, deviations=unknown),)))
-    assert "band not known at 7 of 7 nodes" in page and "without the 95 % bands that are not known" in page
+    assert "band not known at 7 of 7 places" in page and "without the 95 % bands that are not known" in page
 
 
 def test_a_result_is_that_of_the_globalid_in_it(tmp_path: Path) -> None:

@@ -21,7 +21,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from linear_ik.deviation import Deviations, Figure, deviations
+from linear_ik.deviation import Deviations, deviations
+from linear_ik.deviation_figures import Figure
 from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
