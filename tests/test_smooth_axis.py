@@ -183,6 +183,40 @@ def test_a_smooth_body(tmp_path):
     assert json.dumps(extras)
 
 
+def test_a_kinked_body_is_mitred_and_its_axis_has_each_node_once(tmp_path):
+    import trimesh
+
+    element, angles = Element("m", H, 2.0, 5), np.zeros((5, 3))
+    angles[1, 0], angles[3, 1] = np.radians(-25.0), np.radians(-20.0)
+    scene = trimesh.load_scene(write_smooth_glb(posed(element, angles), tmp_path / "m.glb"))
+    extras, body = scene.metadata["linear_ik"], scene.geometry["member"]
+    axis = np.array(extras["axis_m"])
+    assert len(axis) == 21 and (np.linalg.norm(np.diff(axis, axis=0), axis=1) > 0.09).all()
+    # A mitre takes from one side what it gives to the other: the volume is that of the straight member.
+    assert body.is_watertight and body.volume == pytest.approx(0.1 * 0.2 * 2.0, rel=1e-4)
+    assert len(np.unique(body.vertices.round(6), axis=0)) == 4 * 21
+    assert scene.graph.transforms.parents["member"] == "scan"
+    # Too sharp for its short segments: the body keeps both of its sections there.
+    angles[1, 0] = np.radians(-150.0)
+    scene = trimesh.load_scene(write_smooth_glb(posed(Element("m", H, 2.0, 5), angles), tmp_path / "m.glb"))
+    assert len(scene.metadata["linear_ik"]["axis_m"]) == 21
+
+
+def test_a_chain_without_a_smooth_curve_is_said(tmp_path):
+    angles = np.zeros((5, 3))
+    angles[1, 0], angles[3, 1] = np.radians(-25.0), np.radians(-20.0)
+    element = Element("m", H, 2.0, 5)
+    np.savetxt(tmp_path / "scan.xyz", simulate(element, joint_angles_rad=angles, seed=9, points=3000).points)
+    (tmp_path / "bar.yaml").write_text(
+        "name: m\nprofile: {type: rectangle, x_dim: 0.1, y_dim: 0.2}\nlength: 2.0\nsegments: 5\n"
+    )
+    done = run("fit", "bar.yaml", "scan.xyz", "-o", "r.json", "--glb", "m.glb", "--smooth", cwd=tmp_path)
+    assert done.returncode == 0 and not done.stdout
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("smooth")]
+    assert line == "smooth     no curve: the bends jump from joint to joint, so the body keeps the segments' corners"
+    assert "smooth" not in run("fit", "bar.yaml", "scan.xyz", "-o", "r.json", "--glb", "m.glb", cwd=tmp_path).stderr
+
+
 def test_the_command_line(tmp_path):
     scan = simulate(Element("m", H, 2.5, 5), seed=9, points=3000)
     np.savetxt(tmp_path / "scan.xyz", scan.points)

@@ -237,7 +237,7 @@ def fit(
     if not quiet:
         bodies = [] if result.status == "not_scanned" else [urdf, glb]
         written = [path for path in (output, *bodies, record) if path is not None and not is_stdout(path)]
-        _summarise(result, judged, written)
+        _summarise(result, judged, written, smooth)
     if viewer is not None:
         from linear_ik.cli.view import stay
 
@@ -343,9 +343,10 @@ def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None, smooth
         write_glb(result.fitted_element, result.q, result.base_pose, glb)
 
 
-def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path]) -> None:
-    from linear_ik.cli.summary import describe
+def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path], smooth: bool) -> None:
+    from linear_ik.cli.summary import corners, describe
 
     last = [f"{'written':<11}{', '.join(str(path) for path in files)}"] if files else []
-    for line in [*describe(result), *describe_verdicts(judged), *last]:
+    kept = corners(result) if smooth else []
+    for line in [*describe(result), *describe_verdicts(judged), *kept, *last]:
         print(line, file=sys.stderr)
