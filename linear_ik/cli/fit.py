@@ -78,6 +78,10 @@ def fit(
     wait: Annotated[
         bool, typer.Option("--wait/--no-wait", help="With --view: stay until Enter or Ctrl-C, or end at once.")
     ] = True,
+    pairs: Annotated[
+        bool,
+        typer.Option("--pairs", help="With --view: show from the start which place of it each point belongs to."),
+    ] = False,
     method: Annotated[
         str, typer.Option("--method", metavar="default|icpik", help="icpik is the paper's algorithm, for comparison.")
     ] = "default",
@@ -171,6 +175,7 @@ def fit(
             smooth=smooth or None,
             record=record,
             view=view or None,
+            pairs=pairs or None,
             tolerances=tolerances,
             loading_state=loading_state,
             precamber=precamber,
@@ -184,6 +189,8 @@ def fit(
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
     if smooth and glb is None:
         raise LinearIkError("--smooth", "given without --glb", "both")
+    if pairs and not view:
+        raise LinearIkError("--pairs", "given without --view", "both")
     to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None
@@ -209,7 +216,7 @@ def fit(
         from linear_ik.readers import read_scan
 
         points = read_scan(*scan, unit=scan_unit)
-    viewer = _open_viewer(design, points, wait) if view else None
+    viewer = _open_viewer(design, points, wait, pairs) if view else None
 
     with progress.stage(f"fitting {design.name}"):
         from linear_ik.fit import fit as fit_element
@@ -299,13 +306,14 @@ def _with_segments(design: Element, segments: int | Literal["auto"]) -> Element:
         raise error.about("--segments") if error.subject == "segments" else error from None
 
 
-def _open_viewer(design: Element, points: Scan, wait: bool) -> Viewer:
+def _open_viewer(design: Element, points: Scan, wait: bool, pairs: bool) -> Viewer:
     from linear_ik.cli.view import open_browser
     from linear_ik.viewer import Viewer
 
     viewer = Viewer(design.name)
     viewer.show_design(design)
     viewer.show_scan(points)
+    viewer.follow_pairs(pairs)
     if open_browser(viewer, None, wait):
         viewer.slow_down()
     return viewer
