@@ -47,9 +47,10 @@ Array = npt.NDArray[np.float64]
 LEAST_BETWEEN_S = 0.08  # of a search's states: twelve a second, more than an eye tells apart
 FITTED_OPACITY, DESIGNED_OPACITY = 0.5, 0.35  # the points inside both are seen, and the fit before the design
 DESIGNED, FITTED = 0xFFFFFF, 0x35B24A
+# As three.js draws axes.
 AXES = "linear-gradient(90deg, #f60 33%, #3f0 33% 66%, #06f 66%)"
-LEAST_LARGEST_M = 0.003  # at the end of the colours: what most scanners tell
-POINT_SHARE = 1 / 400  # of the length: a point's size
+LEAST_LARGEST_M = 0.003  # at the end of the colours: three times the noise of a good scanner
+POINT_SHARE = 1 / 400  # of the length: a point's size, 2 pixels where the member fills a screen
 
 
 class Viewer:

@@ -11,7 +11,7 @@ from linear_ik.viewer_shapes import axis_distances_m, reach_m
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
-MOST_POINTS = 200_000  # what a notebook without a graphics card still turns, and some 5 MB of page
+MOST_POINTS = 200_000  # 24 bytes each: some 6 MB of page
 # Points of a whole site would drown the member: this share is kept for what is near it.
 NEAR_SHARE = 0.75
 NEAR_M = 1.0
@@ -19,7 +19,7 @@ SCANNED = (0.75, 0.78, 0.82)
 # Distance to the fitted surface, as a share of the largest shown: blue, yellow, red; grey beyond ten times that.
 COLOUR_STOPS = (0.0, 0.5, 1.0)
 COLOURS = ((0.16, 0.38, 0.95), (0.98, 0.85, 0.25), (0.90, 0.15, 0.12))
-ELSEWHERE = 10.0
+ELSEWHERE = 10.0  # ours: at ten times the scanner's noise a point is another body's
 
 
 def rows_shown(points: Array, element: Element | None) -> Index:

@@ -18,9 +18,9 @@ if TYPE_CHECKING:
 
 PLAYER = Path(__file__).parent / "data" / "viewer" / "player.js"
 LOOPBACK = "127.0.0.1"
-FIRST_PORT = 7000
-PORTS_TRIED = 20
-START_TIMEOUT_S = 10.0
+FIRST_PORT = 7000  # meshcat's
+PORTS_TRIED = 20  # one for each fit that somebody may watch at a time; then any that is free
+START_TIMEOUT_S = 10.0  # a busy machine starts a thread within it; what takes longer does not come
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">

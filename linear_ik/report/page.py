@@ -31,12 +31,12 @@ Array = npt.NDArray[np.float64]
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "report"
 # Bytes of all scan points of a page, by what one takes there, and how many a member gets at most and least.
 POINT_BYTES, POINTS_BUDGET_BYTES, MOST_POINTS, LEAST_POINTS = 12, 3_000_000, 6000, 200
-SECTION_POINTS = 350
+SECTION_POINTS = 350  # dots of 2.4 pixels on 260: more would be a line
 SECTION_SHARES = (0.25, 0.5, 0.75)  # of the length, less those near where the bow is
-APART = 0.1
+APART = 0.1  # of the length: two sections that are nearer show the same
 THICKNESS_M = 0.05  # of the slice whose points a section shows, each way
 NO_LEVEL = {True: "coarser than any level", False: "no level: the fit is in doubt"}
-LEAST_LARGEST_M = 0.003  # of the colours
+LEAST_LARGEST_M = 0.003  # of the colours: three times the noise of a good scanner
 
 
 @dataclass(frozen=True, eq=False)

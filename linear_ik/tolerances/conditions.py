@@ -14,7 +14,7 @@ from linear_ik.errors import SettingsError, ToleranceError
 from linear_ik.tolerances.profile_file import IFC_CLASS, checked, read_mapping, said
 
 LoadingState = Literal["unloaded", "self_weight", "loaded"]
-MOST_PRECAMBER_M = 1.0
+MOST_PRECAMBER_M = 1.0  # more is a length in millimetres
 TOP = ("default", "elements")
 MATERIAL_KEYS = ("elastic_modulus_gpa", "density_kg_m3", "name", "source")
 

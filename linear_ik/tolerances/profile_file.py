@@ -17,7 +17,7 @@ from linear_ik.tolerances.clause import ANGLES, AppliesTo, Clause, Figure, Profi
 from linear_ik.tolerances.formula import Quantity, evaluate
 
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "tolerances"
-LARGEST_FILE_BYTES = 256 * 1024
+LARGEST_FILE_BYTES = 256 * 1024  # a hundred times the largest that is shipped
 TOP = ("title", "edition", "clauses")
 CLAUSE_KEYS = (
     "clause",
