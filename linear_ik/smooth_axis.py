@@ -26,7 +26,7 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 TOLD = 0.3  # of a point's noise: what a fit of some hundred points a segment leaves of it at an end
-# Ours. A sag's bends differ by less along three joints; of a corner below the angle, legs of 0.4 m are 1 mm off their chord.
+# Ours. A sag's bends differ by less along three joints; of a corner below the angle, legs of 0.4 m are 1 mm off.
 KINK_RATIO, LEAST_KINK_RAD = 4.0, np.radians(0.3)
 ALIKE = 0.5  # most by which bends may jump, of their size; at random they jump by 1.2
 NEIGHBOURS = 3  # joints each way that a bend is compared with; those next to it may share its kink
