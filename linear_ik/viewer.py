@@ -172,8 +172,8 @@ class Viewer:
         self._caption(None, "status: " + result.status + "".join(f"\n{reason}" for reason in result.reasons))
 
     def on_iteration(self, record: IterationRecord) -> None:
-        """Show the state after one iteration; give it to `linear_ik.fit`."""
-        if self._element is None:
+        """Show the state after one iteration; give it to `linear_ik.fit`. Costs nothing while nobody follows it."""
+        if self._element is None or not self.scene.is_seen():
             return
         # A search has hundreds of short iterations, more than an eye can tell apart.
         if record.phase == "search" and time.monotonic() - self._shown_s < LEAST_BETWEEN_S:

@@ -47,13 +47,15 @@ body {{ margin: 0; }}
 #player input[type="checkbox"] {{ flex: none; min-width: 0; vertical-align: -2px; }}
 @media (max-width: 600px) {{ #player {{ flex-wrap: wrap; }} #player output {{ min-width: 100%; }} }}
 #caption i {{ display: inline-block; width: 10px; height: 10px; border-radius: 5px; margin-right: 7px; }}
+/* As viewer_pairs draws them. */
+#player i {{ display: inline-block; width: 16px; height: 3px; margin: 0 6px; vertical-align: 4px; background: #c026d3; }}
 #caption i[style*="gradient"] {{ width: 36px; }}
 </style></head>
 <body><div id="meshcat-pane"></div>
 <details id="legend" open><summary>Legend</summary><div id="caption">{caption}</div></details>
 <div id="player" hidden><button type="button">Play</button>
 <input type="range" min="0" max="0" step="1" aria-label="iteration"><output></output>
-<label hidden><input type="checkbox"> pairs</label></div>
+<label hidden><input type="checkbox"> <i></i>pairs</label></div>
 <script>{javascript}</script>
 <script>
 var viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
@@ -144,6 +146,10 @@ class Scene:
     def watchers(self) -> int:
         """Return the number of browsers that follow the scene."""
         return 0 if self._server is None else len(self._server.sockets)
+
+    def is_seen(self) -> bool:
+        """Say whether anybody may see the scene: it is not served, so it is for a file, or somebody follows it."""
+        return self._server is None or self.watchers() > 0
 
     def asked_for(self, what: str) -> bool:
         """Say whether somebody who follows the scene has asked to see something (see player.js)."""

@@ -192,9 +192,26 @@ def test_states_are_shown_with_their_own_number_of_segments(monkeypatch):
     assert shown == [5, 5, 10, 5, 20]
 
 
-def test_closing_a_live_view_ends_what_it_shows():
+def test_a_view_that_nobody_follows_costs_nothing(monkeypatch):
+    element = column(segments=2)
+    viewer, base = Viewer(), element.placement.T_world_element
+    viewer.show_design(element)
+    viewer.serve()
+    try:
+        record = IterationRecord(1, "full", 0, 0.0, 1.0, 0.0, 0.0, np.zeros(6), base)
+        viewer.on_iteration(record)
+        assert ("fitted/1", "set_object") not in commands(viewer)
+        monkeypatch.setattr(viewer.scene, "watchers", lambda: 1)
+        viewer.on_iteration(record)
+        assert ("fitted/1", "set_object") in commands(viewer)
+    finally:
+        viewer.close()
+
+
+def test_closing_a_live_view_ends_what_it_shows(monkeypatch):
     element = column(segments=2)
     viewer = Viewer()
+    monkeypatch.setattr(viewer.scene, "watchers", lambda: 1)
     viewer.show_design(element)
     viewer.serve()
     viewer.slow_down(pause_s=0.05, total_s=100.0)

@@ -314,8 +314,9 @@ def _open_viewer(design: Element, points: Scan, wait: bool, pairs: bool) -> View
     viewer.show_design(design)
     viewer.show_scan(points)
     viewer.follow_pairs(pairs)
-    if open_browser(viewer, None, wait):
-        viewer.slow_down()
+    watched = open_browser(viewer, None, wait)
+    # Beside the fit in any case; nobody is kept waiting where no browser came by itself.
+    viewer.slow_down() if watched else viewer.slow_down(0.0, 0.0)
     return viewer
 
 
