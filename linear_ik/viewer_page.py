@@ -48,7 +48,7 @@ body {{ margin: 0; }}
 @media (max-width: 600px) {{ #player {{ flex-wrap: wrap; }} #player output {{ min-width: 100%; }} }}
 #caption i {{ display: inline-block; width: 10px; height: 10px; border-radius: 5px; margin-right: 7px; }}
 /* As viewer_pairs draws them. */
-#player i {{ display: inline-block; width: 16px; height: 3px; margin: 0 6px; vertical-align: 4px; background: #c026d3; }}
+#player i {{ display: inline-block; width: 16px; height: 3px; margin: 0 6px; background: #c026d3; vertical-align: 4px }}
 #caption i[style*="gradient"] {{ width: 36px; }}
 </style></head>
 <body><div id="meshcat-pane"></div>
