@@ -1,8 +1,8 @@
 """Deviation: how far the as-built member is from a straight one and from its design, with 95 % bands.
 
-Figures are those of the smooth axis at the nodes (`smooth_axis`): of a curve, the nodes of the chain lie
-outside. Between two nodes it may reach a little farther: of an arc of N segments, N odd, its bow by one
-part in N^2; N even puts a node in the middle.
+Figures are those of the smooth axis (`smooth_axis`): of a curve, the nodes of the chain lie outside. The
+largest offsets are looked for between the nodes too: of an arc of N segments, N odd, no node is in the
+middle, and its bow is larger than that of any node by one part in N^2.
 
 Two ways to look at a member. *Relative to the chord*: the line between its working points, the
 first and the last node; what all nodes share, such as the error of the registration, cancels.
@@ -13,9 +13,6 @@ its variance is ``sum_ab c_a c_b e' C_ab e`` with the covariance C_ab between no
 ``C = A S A'`` of the result's ``configuration_covariance`` S. A result without that one gets
 the largest deviation that the nodes' own covariances allow, ``sum_a |c_a| sqrt(e' C_aa e)``:
 wider, never too narrow.
-
-The largest figure f_k of several has the band ``max(f_k + U_k) - max(f_k)``, with the bands U_k of
-all of them: none reaches beyond it.
 """
 
 from __future__ import annotations
@@ -26,50 +23,19 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.deviation_bands import Bands, twist_band_rad, twist_rad
+from linear_ik.deviation_figures import Curve, Figure, Sums, both, length_of
 from linear_ik.directions import across, turn
 from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import LinearIkError
 from linear_ik.profile import Circle, CircleHollow
 from linear_ik.result import FitResult
-from linear_ik.smooth_axis import curve_of
+from linear_ik.smooth_axis import between_nodes, curve_of, kinks
 
 Array = npt.NDArray[np.float64]
 
 VERTICAL_RAD = np.radians(10.0)  # of the design's chord: within it a member is a column
 UP = (0.0, 0.0, 1.0)
-LARGEST = "the largest of all nodes, its band as far as any node's reaches: noise alone makes it more than 0"
-
-
-@dataclass(frozen=True)
-class Figure:
-    """One number to judge by.
-
-    Attributes:
-        value: metres, radians or 1/m as the name of its field says; None where it says nothing.
-        band: half-width of its 95 % band, same unit; None where the value is.
-        node: where it was found (a segment, from 1, for slopes), or None for the whole member.
-        note: why there is no value, or how to read it; may be empty.
-    """
-
-    value: float | None
-    band: float | None
-    node: int | None = None
-    note: str = ""
-
-
-@dataclass(frozen=True, eq=False)
-class Curve:
-    """A figure along the member, in two axes.
-
-    Attributes:
-        s_m: [K] distance from the start along the chain.
-        xy: [K][2] values in local X and Y.
-        band: [K][2] half-widths of their 95 % bands, each by itself.
-    """
-
-    s_m: Array
-    xy: Array
-    band: Array
+LEAST_CHORD = 1e-3  # of the length: ends that are nearer, as a ring's are, have no direction between them
 
 
 @dataclass(frozen=True, eq=False)
@@ -88,7 +54,9 @@ class Deviations:
         vertical: whether the design's chord is within 10 degrees of the vertical.
         joint: whether bands know how nodes vary together; else they are upper bounds.
         offset_m: w(s), offset of each node from the chord.
+        offset_between_m: w(s) between the nodes too, of which the largest offsets are taken.
         departure_m: offset of each node from its designed place, across the designed axis.
+        departure_between_m: the same between the nodes too.
         departure_band_m: [N+1] half-width of the 95 % band of its length, along it; of none, the widest.
         slope_rad: angle of each segment against the chord, arcsin w'(s).
         curvature_1_m: at each inner node, w''(s).
@@ -99,7 +67,7 @@ class Deviations:
         out_of_plumb_m: for verticals, horizontal offset of the end from the start, less the design's.
         twist_rad: of the end's section against the start's, about the axis; not seen on round sections.
         end_displacement_m: of the last node from its designed place, along the axis included.
-        departure_max_m: the largest of ``departure_m``, in any direction.
+        departure_max_m: the largest of ``departure_between_m``, in any direction.
         slope_max_rad: the largest of ``slope_rad``, in any direction.
         curvature_max_1_m: the largest of ``curvature_1_m``, in any direction.
         length_change_m: of the chord, against the design's.
@@ -113,7 +81,9 @@ class Deviations:
     vertical: bool
     joint: bool
     offset_m: Curve
+    offset_between_m: Curve
     departure_m: Curve
+    departure_between_m: Curve
     departure_band_m: Array
     slope_rad: Curve
     curvature_1_m: Curve
@@ -166,10 +136,12 @@ def deviations(
     vertical = vertical / np.linalg.norm(vertical)
     bands = Bands.of(result, None if elastic is None else elastic.sd_m)
     chords_m = [float(np.linalg.norm(p[-1] - p[0])) for p in (nodes, designed)]
-    if min(chords_m) < 1e-3 * element.length_m:
+    if min(chords_m) < LEAST_CHORD * element.length_m:
         raise LinearIkError(element.name, "its ends coincide", "a member with a chord")
+    t, between = np.arange(n + 1.0), np.eye(n + 1)
     if smooth and bands.joint is not None:
-        curve = curve_of(result)
+        kinked = kinks(result)
+        curve, (t, between) = curve_of(result, kinked), between_nodes(n, kinked)
         nodes, bands = nodes[0] + curve @ (nodes - nodes[0]), bands.carried(curve)
     chord_m, designed_chord_m = float(np.linalg.norm(nodes[-1] - nodes[0])), chords_m[1]
     chord, designed_chord = (nodes[-1] - nodes[0]) / chord_m, (designed[-1] - designed[0]) / designed_chord_m
@@ -201,8 +173,13 @@ def deviations(
     sections = np.concatenate([element.design.rotations, element.design.rotations[-1:]])[:, :, :2].transpose(0, 2, 1)
     departure = np.einsum("kij,kj->ki", sections, nodes - designed)
     departures = np.einsum("kij,ki->kj", sections, departure)
-    each = np.eye(n + 1)
-    _, own = _lengths(bands, each, departures, sections)
+    # Across the design at each node: of a design that is curved, a slide along it is none between two nodes either.
+    aside = bands.projected(np.einsum("kai,kaj->kij", sections, sections))
+    at = np.minimum(np.round(t).astype(int), n)
+    off = Sums.of(bands, between @ relative, between @ offset @ axes, axes, t, step_m)
+    away = Sums(aside, between, between @ departures, sections[at], t, step_m)
+    segments: Array = np.arange(n, dtype=np.float64) + 0.5
+    joints: Array = np.arange(1.0, n)
 
     ends = np.zeros((1, n + 1))
     ends[0, 0], ends[0, -1] = -1.0, 1.0
@@ -213,57 +190,69 @@ def deviations(
     no_plumb = Figure(None, None, None, "not near vertical by design")
     slopes = step @ relative / np.maximum(np.sqrt(1.0 - size**2), 1e-9)[:, None]
     twist = twist_rad(result.q) - twist_rad(element.design.angles_rad[:, ::-1].ravel())
-    sag, sweep, camber = _vertical_and_sideways(bands, relative, offset @ axes, chord, vertical, is_vertical)
+    middle = int(np.searchsorted(t, n / 2)) if n / 2 in t else None
+    sag, sweep, camber = _vertical_and_sideways(off, middle, chord, vertical, is_vertical)
     return Deviations(
         length_m=element.length_m,
         chord_m=chord_m,
         specified_m=designed,
         vertical=is_vertical,
         joint=bands.joint is not None,
-        offset_m=Curve(s_m, offset, _both(bands, relative, axes)),
-        departure_m=Curve(s_m, departure, np.stack([bands.of_rows(each, sections[:, i]) for i in (0, 1)], axis=-1)),
-        departure_band_m=own,
-        slope_rad=Curve((s_m[1:] + s_m[:-1]) / 2, slope, _both(bands, slopes, axes)),
-        curvature_1_m=Curve(s_m[1:-1], curvature, _both(bands, bend @ relative, axes)),
-        bow_m=_largest(bands, relative, offset @ axes, axes, LARGEST),
+        offset_m=Curve(s_m, offset, both(bands, relative, axes)),
+        offset_between_m=Curve(step_m * t, between @ offset, both(bands, off.rows, axes)),
+        departure_m=Curve(s_m, departure, _of_sections(bands, np.eye(n + 1), sections)),
+        departure_between_m=Curve(
+            step_m * t, np.einsum("kij,kj->ki", sections[at], away.vectors), _of_sections(aside, between, sections[at])
+        ),
+        departure_band_m=Sums(bands, np.eye(n + 1), departures, sections, s_m, step_m).lengths()[1],
+        slope_rad=Curve(step_m * segments, slope, both(bands, slopes, axes)),
+        curvature_1_m=Curve(s_m[1:-1], curvature, both(bands, bend @ relative, axes)),
+        bow_m=off.largest("offsets"),
         sag_m=sag,
         sweep_m=sweep,
         camber_m=camber,
-        out_of_plumb_m=_length(bands, ends, lean, across(vertical)) if is_vertical else no_plumb,
+        out_of_plumb_m=length_of(bands, ends, lean, across(vertical)) if is_vertical else no_plumb,
         twist_rad=_twist(result, twist),
-        end_displacement_m=_length(bands, last, nodes[-1] - designed[-1], np.eye(3), node=n),
-        departure_max_m=_largest(bands, each, departures, sections[0], LARGEST),
-        slope_max_rad=_largest(bands, slopes, slope @ axes, axes, LARGEST.replace("node", "segment"), first=1),
-        curvature_max_1_m=_largest(bands, bend @ relative, curvature @ axes, axes, LARGEST, first=1),
+        end_displacement_m=length_of(bands, last, nodes[-1] - designed[-1], np.eye(3), node=n),
+        departure_max_m=away.largest("offsets"),
+        slope_max_rad=Sums.of(bands, slopes, slope @ axes, axes, segments, step_m).largest("segments"),
+        curvature_max_1_m=Sums.of(bands, bend @ relative, curvature @ axes, axes, joints, step_m).largest("nodes"),
         length_change_m=Figure(
             chord_m - designed_chord_m,
             float(bands.of_rows(ends, chord[None])[0]),
             None,
             f"of the chord; the length along the axis is {_length_note(result)}",
         ),
-        straight_bow_m=bands.largest_of_none(relative, axes),
+        straight_bow_m=bands.largest_of_none(relative, axes, between),
     )
 
 
 def _vertical_and_sideways(
-    bands: Bands, relative: Array, offset: Array, chord: Array, vertical: Array, is_vertical: bool
+    off: Sums, middle: int | None, chord: Array, vertical: Array, is_vertical: bool
 ) -> tuple[Figure, Figure, Figure]:
-    """Return sag, sweep and camber of the offsets [N+1][3] from the chord."""
+    """Return sag, sweep and camber of the offsets from the chord, of which one is in the middle, or two about it."""
     if is_vertical:
         none = Figure(None, None, None, "near vertical by design: see bow and plumb")
         return none, none, none
     up = _upwards(vertical, chord)
-    sag = _largest(bands, relative, (offset @ up)[:, None] * up, up[None], LARGEST)
     side = np.cross(chord, up)
-    sweep = _largest(bands, relative, (offset @ side)[:, None] * side, side[None], LARGEST)
-    sag = sag if sag.node is None else replace(sag, value=-float(offset[sag.node] @ up))
+    sag, sweep = (
+        replace(off, vectors=np.outer(off.vectors @ e, e), axes=np.broadcast_to(e, (len(off.rows), 1, 3))).largest(
+            "offsets", sign
+        )
+        for e, sign in ((up, -up), (side, None))
+    )
     if sag.value is None:
         return sag, sweep, sag
-    half = np.zeros((1, len(offset)))
-    half[0, [(len(offset) - 1) // 2, len(offset) // 2]] += 0.5  # the middle node, or between the two
-    half[0, len(offset) // 2] += 0.5 if len(offset) % 2 else 0.0
-    band = float(bands.of_rows(half @ relative, up[None])[0])
-    return sag, sweep, Figure(float((half @ offset @ up)[0]), band, None, "at half the length")
+    half, k = np.zeros((1, len(off.rows))), len(off.rows) // 2
+    half[0, [k - 1, k] if middle is None else [middle]] = 0.5 if middle is None else 1.0
+    band = float(off.bands.of_rows(half @ off.rows, up[None])[0])
+    return sag, sweep, Figure(float((half @ off.vectors @ up)[0]), band, None, "at half the length")
+
+
+def _of_sections(bands: Bands, rows: Array, sections: Array) -> Array:
+    """Return the half-widths [K][2] of rows of coefficients along both axes of a section [K][2][3] each."""
+    return np.stack([bands.of_rows(rows, sections[:, i]) for i in (0, 1)], axis=-1)
 
 
 def _length_note(result: FitResult) -> str:
@@ -280,48 +269,6 @@ def _twist(result: FitResult, twist: float) -> Figure:
     if result.configuration_covariance is None:
         return Figure(None, None, None, "the result does not say how its joints vary together")
     return Figure(twist, twist_band_rad(result.q, result.configuration_covariance))
-
-
-def _both(bands: Bands, rows: Array, axes: Array) -> Array:
-    """Return the half-widths [K][2] of rows of coefficients along both axes."""
-    return np.stack([bands.of_rows(rows, np.tile(axis, (len(rows), 1))) for axis in axes], axis=-1)
-
-
-def _largest(bands: Bands, rows: Array, vectors: Array, axes: Array, note: str, first: int = 0) -> Figure:
-    """Return the longest of the vectors [K][3], found at number k + ``first``."""
-    # Ends have no offset from their own chord: not a figure, and no band.
-    free = np.flatnonzero(np.abs(rows).max(axis=1, initial=0.0) > 1e-9)
-    if not len(free):
-        return Figure(None, None, None, "one segment cannot bend")
-    value, band = _lengths(bands, rows[free], vectors[free], np.broadcast_to(axes, (len(free), *axes.shape)))
-    k = int(value.argmax())
-    # A node that is less far out but less well known may be the farthest: the limit must hold for it too.
-    return Figure(float(value[k]), float((value + band).max() - value[k]), int(free[k]) + first, note)
-
-
-def _length(bands: Bands, row: Array, vector: Array, axes: Array, node: int | None = None, note: str = "") -> Figure:
-    """Return the length of a vector with its band along it; of none, the widest along the axes [A][3]."""
-    length, band = _lengths(bands, row, vector[None], axes[None])
-    return Figure(float(length[0]), float(band[0]), node, note)
-
-
-def _lengths(bands: Bands, rows: Array, vectors: Array, axes: Array) -> tuple[Array, Array]:
-    """Return the lengths of vectors [K][3] with their bands along them [K]; of none, the widest along its axes.
-
-    Args:
-        bands: covariances.
-        rows: [K][N+1] coefficients that make each vector.
-        vectors: [K][3].
-        axes: [K][A][3] directions that a vector without length may have.
-    """
-    length = np.linalg.norm(vectors, axis=1)
-    band = bands.of_rows(rows, vectors / np.where(length > 0.0, length, 1.0)[:, None])
-    none = np.flatnonzero(length == 0.0)
-    if len(none):
-        count = axes.shape[1]
-        widest = bands.of_rows(np.repeat(rows[none], count, axis=0), axes[none].reshape(-1, 3))
-        band[none] = widest.reshape(-1, count).max(axis=1)
-    return length, band
 
 
 def _upwards(vertical: Array, chord: Array) -> Array:

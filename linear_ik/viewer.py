@@ -20,8 +20,10 @@ from linear_ik.chain import Chain
 from linear_ik.element import Element
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
+from linear_ik.viewer_camera import seen_side, turn_camera
+from linear_ik.viewer_cloud import SCANNED, colours_of, near, ramp, rows_shown
 from linear_ik.viewer_page import Scene
-from linear_ik.viewer_pairs import FittedSurface, show_pairs
+from linear_ik.viewer_pairs import FittedSurface, LivePairs, show_pairs
 from linear_ik.viewer_playback import Playback
 from linear_ik.viewer_result import (
     FPS,
@@ -33,27 +35,22 @@ from linear_ik.viewer_result import (
     steps_of,
 )
 from linear_ik.viewer_shapes import (
-    axis_distances_m,
     design_body,
     designed_nodes_m,
     material,
-    reach_m,
     segment_bodies,
     transform,
 )
 
 Array = npt.NDArray[np.float64]
 
-MOST_POINTS = 200_000
-LEAST_BETWEEN_S = 0.08  # of a search's states
-# Points of a whole site would drown the member: this share is kept for what is near it.
-NEAR_SHARE = 0.75
-NEAR_M = 1.0
-FITTED_OPACITY = 0.5
-DESIGNED, FITTED, SCANNED = 0xFFFFFF, 0x35B24A, (0.75, 0.78, 0.82)
-# Distance to the fitted surface, as a share of the largest shown: blue, yellow, red; grey beyond ten times that.
-COLOUR_STOPS = (0.0, 0.5, 1.0)
-COLOURS = ((0.16, 0.38, 0.95), (0.98, 0.85, 0.25), (0.90, 0.15, 0.12))
+LEAST_BETWEEN_S = 0.08  # of a search's states: twelve a second, more than an eye tells apart
+FITTED_OPACITY, DESIGNED_OPACITY = 0.5, 0.35  # the points inside both are seen, and the fit before the design
+DESIGNED, FITTED = 0xFFFFFF, 0x35B24A
+# As three.js draws axes.
+AXES = "linear-gradient(90deg, #f60 33%, #3f0 33% 66%, #06f 66%)"
+LEAST_LARGEST_M = 0.003  # at the end of the colours: three times the noise of a good scanner
+POINT_SHARE = 1 / 400  # of the length: a point's size, 2 pixels where the member fills a screen
 
 
 class Viewer:
@@ -75,6 +72,9 @@ class Viewer:
         self._fitted: Element | None = None
         self._playback: Playback | None = None
         self._shown_s = -math.inf
+        self._shown: Array = np.empty((0, 3))
+        self._pairs: LivePairs | None = None
+        self._show_pairs = False
         self._vis["/Background"].set_property("top_color", [0.45, 0.50, 0.56])
         self._vis["/Background"].set_property("bottom_color", [0.16, 0.18, 0.21])
 
@@ -84,11 +84,12 @@ class Viewer:
         T = element.placement.T_world_element
         start, end = designed_nodes_m(element)[[0, -1]]
         self._look_at(start, end, T[:3, 0] + T[:3, 1])
-        self._vis["design"].set_object(design_body(element), material(DESIGNED, opacity=0.35))
+        self._vis["design"].set_object(design_body(element), material(DESIGNED, DESIGNED_OPACITY))
         T_view = transform(T[:3, :3], self._local(T[:3, 3]))
         self._vis["design"].set_transform(T_view)
         self._vis["/Axes"].set_transform(T_view)
         self._caption("#ffffff", f"designed: {element.name}")
+        self._caption(AXES, "axes: its local X red, Y green, Z blue, from its start")
 
     def show_scan(self, scan: Scan, distances_m: Array | None = None, largest_m: float = 0.005) -> None:
         """Show a scan, at most 200,000 points of it.
@@ -101,24 +102,22 @@ class Viewer:
         """
         from meshcat.geometry import PointCloud
 
-        rows = self._sample(scan.points)
+        rows = rows_shown(scan.points, self._element)
         points = scan.points[rows]
         if self._origin is None:
             self._look_at(points.min(axis=0), points.max(axis=0), np.array([1.0, 1.0, 0.0]))
         local = self._local(points)
-        colours = np.tile(SCANNED, (len(points), 1))
-        on_element = np.ones(len(points), dtype=bool)
-        text = f"scanned: {len(scan):,} points"
+        colours, on_element = np.tile(SCANNED, (len(points), 1)), np.ones(len(points), dtype=bool)
         if distances_m is not None:
-            share = np.asarray(distances_m)[rows] / largest_m
-            on_element = share < 10
-            mixed = [np.interp(share[on_element], COLOUR_STOPS, c) for c in zip(*COLOURS, strict=True)]
-            colours[on_element] = np.column_stack(mixed)
-            text += f"; blue on the fitted surface, red {1000 * largest_m:g} mm off, grey elsewhere"
+            colours, on_element = colours_of(np.asarray(distances_m)[rows] / largest_m)
         extent = self._element.length_m if self._element else float(np.ptp(local, axis=0).max())
-        cloud = PointCloud(local.T.astype(np.float32), colours.T.astype(np.float32), size=max(extent / 400, 1e-4))
-        self._vis["scan"].set_object(cloud)
-        self._caption("#2961f2" if distances_m is not None else "#bfc7d1", text)
+        size = max(POINT_SHARE * extent, 1e-4)
+        self._vis["scan"].set_object(PointCloud(local.T.astype(np.float32), colours.T.astype(np.float32), size=size))
+        self._caption("#bfc7d1", f"scanned: {len(scan):,} points")
+        if distances_m is not None:
+            steps = f"yellow {500 * largest_m:g} mm off, red {1000 * largest_m:g} mm, grey elsewhere"
+            self._caption(ramp(), f"points: blue on the fitted surface, {steps}")
+        self._shown, self._pairs = points, None
         self._turn_to_seen_side(points[on_element])
 
     def show_fit(self, element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike) -> None:
@@ -129,10 +128,8 @@ class Viewer:
             q: [3N] Pinocchio's configuration, (z, y, x) a segment.
             base_pose: T_world_base [4][4].
         """
-        if self._element is not element or self._chain is None:
-            self._element, self._chain = element, Chain.of(element)
         if self._origin is None:
-            nodes = self._chain.nodes(q) @ np.asarray(base_pose)[:3, :3].T + np.asarray(base_pose)[:3, 3]
+            nodes = Chain.of(element).nodes(q) @ np.asarray(base_pose)[:3, :3].T + np.asarray(base_pose)[:3, 3]
             self._look_at(nodes[0], nodes[-1], np.asarray(base_pose)[:3, :2].sum(axis=1))
         if self._fitted is not element:
             self._vis["fitted"].delete()
@@ -143,7 +140,7 @@ class Viewer:
             self._fitted = element
             self._caption("#35b24a", "fitted")
             self._caption(f"#{JOINT_COLOUR:06x}", "joints")
-        for k, T in enumerate(self._poses(q, base_pose)):
+        for k, T in enumerate(self._poses(element, q, base_pose)):
             self._vis[f"fitted/{k + 1}"].set_transform(T)
 
     def show_result(self, result: FitResult, scan: Scan | None = None) -> None:
@@ -154,7 +151,7 @@ class Viewer:
         found = result.status != "not_scanned"
         if scan is not None:
             noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
-            largest_m = max(0.003, round(3 * noise_m, 3))
+            largest_m = max(LEAST_LARGEST_M, round(3 * noise_m, 3))
             distances_m = self._distances(result, scan) if found else None
             if distances_m is not None:
                 on_surface = self._local(scan.points[distances_m < largest_m])
@@ -166,7 +163,7 @@ class Viewer:
             for colour, text in [*lines, *([ellipsoids] if ellipsoids else [])]:
                 self._caption(colour, text)
             steps = steps_of(result)
-            poses = [self._poses(q, base_pose) for _, q, base_pose in steps]
+            poses = [self._poses(result.fitted_element, q, base_pose) for _, q, base_pose in steps]
             self._vis["pairs"].delete()
             if len(on_surface):
                 show_pairs(self._vis, FittedSurface(result.fitted_element), on_surface, poses)
@@ -175,8 +172,8 @@ class Viewer:
         self._caption(None, "status: " + result.status + "".join(f"\n{reason}" for reason in result.reasons))
 
     def on_iteration(self, record: IterationRecord) -> None:
-        """Show the state after one iteration; give it to `linear_ik.fit`."""
-        if self._element is None:
+        """Show the state after one iteration; give it to `linear_ik.fit`. Costs nothing while nobody follows it."""
+        if self._element is None or not self.scene.is_seen():
             return
         # A search has hundreds of short iterations, more than an eye can tell apart.
         if record.phase == "search" and time.monotonic() - self._shown_s < LEAST_BETWEEN_S:
@@ -203,13 +200,27 @@ class Viewer:
             self._playback.finish()
             self._playback = None
 
+    def follow_pairs(self, shown: bool = False) -> None:
+        """Offer the pairs of scan points and surface while a fit runs; they are drawn where somebody asks for them.
+
+        Args:
+            shown: from the start, without being asked.
+        """
+        self._show_pairs = shown
+        self.scene.tell("live", pairs=shown)
+
     def _show_record(self, record: IterationRecord) -> None:
-        assert self._element is not None
         element = self._element
+        if element is None:
+            return
         if len(record.q) != 3 * element.segments:
             # The fit tries how many segments there are, and may be at another number than what is shown.
             element = replace(element, segments=len(record.q) // 3, auto_segments=False)
         self.show_fit(element, record.q, record.base_pose)
+        if self._show_pairs or self.scene.asked_for("pairs"):
+            if self._pairs is None:
+                self._pairs = LivePairs(self._local(self._shown[near(self._shown, element)]))
+            self._pairs.show(self._vis, element, self._poses(element, record.q, record.base_pose), record.scale_m)
 
     def serve(self, port: int | None = None) -> str:
         """Serve the scene on the loopback address and return its URL."""
@@ -241,30 +252,17 @@ class Viewer:
         """Return points [3] or [P][3] about the local origin."""
         return np.asarray(points if self._origin is None else points - self._origin)
 
-    def _poses(self, q: npt.ArrayLike, base_pose: npt.ArrayLike) -> list[Array]:
+    def _poses(self, element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike) -> list[Array]:
         """Return T_view_segment [4][4] of each segment."""
-        assert self._chain is not None
+        if self._chain is None or self._element is not element:
+            self._element, self._chain = element, Chain.of(element)
         T_world_base = np.array(base_pose, dtype=np.float64)
         T_world_base[:3, 3] = self._local(T_world_base[:3, 3])
         return [T_world_base @ T for T in self._chain.segment_poses(q)]
 
-    def _sample(self, points: Array) -> npt.NDArray[np.intp]:
-        """Return the rows to show: all, or a random choice with a preference for the member."""
-        if len(points) <= MOST_POINTS:
-            return np.arange(len(points))
-        random = np.random.default_rng(0)
-        if self._element is None:
-            return np.sort(random.choice(len(points), MOST_POINTS, replace=False))
-        is_near = axis_distances_m(self._element, points) < NEAR_M + reach_m(self._element)
-        near, far = np.flatnonzero(is_near), np.flatnonzero(~is_near)
-        n_near = min(len(near), max(int(NEAR_SHARE * MOST_POINTS), MOST_POINTS - len(far)))
-        n_far = min(len(far), MOST_POINTS - n_near)
-        chosen = [random.choice(near, n_near, replace=False), random.choice(far, n_far, replace=False)]
-        return np.sort(np.concatenate(chosen))
-
     def _distances(self, result: FitResult, scan: Scan) -> Array:
         """Return the distance of every point [P] to the fitted surface."""
-        poses = self._poses(result.q, result.base_pose)
+        poses = self._poses(result.fitted_element, result.q, result.base_pose)
         return FittedSurface(result.fitted_element).distances_m(self._local(scan.points), poses)
 
     def _look_at(self, start: Array, end: Array, side: Array) -> None:
@@ -274,14 +272,7 @@ class Viewer:
         """
         if self._origin is None:
             self._origin = (start + end) / 2
-        extent = float(np.linalg.norm(end - start))
-        side = side + np.array([0.0, 0.0, 0.5])
-        eye = side / np.linalg.norm(side) * extent * 0.85
-        # The camera lives in a frame with Y up, and has no setter of its own.
-        camera = self._vis["/Cameras/default/rotated/<object>"]
-        camera.set_property("position", [eye[0], eye[2], -eye[1]])
-        camera.set_property("near", extent / 1000)
-        camera.set_property("far", extent * 100)
+        turn_camera(self._vis, side, float(np.linalg.norm(end - start)))
         floor = self._local(np.array([*(start + end)[:2] / 2, min(start[2], end[2])]))
         self._vis["/Grid"].set_transform(transform(np.eye(3), floor))
 
@@ -289,17 +280,10 @@ class Viewer:
         """Turn the camera to the side of the member that most of its points are on."""
         if self._element is None or not len(points):
             return
-        T, half = self._element.placement.T_world_element, self._element.length_m / 2
-        inside = (points - T[:3, 3]) @ T[:3, :3]
-        reach = 2 * reach_m(self._element)
-        seen = inside[np.linalg.norm(inside[:, :2], axis=1) < reach + half / 5, :2].mean(axis=0)
-        if not np.linalg.norm(seen) > 0.002 * reach:
-            return
-        # A little past it, so that the neighbouring face shows too.
-        x, y = seen / np.linalg.norm(seen)
-        side = T[:3, :2] @ (np.array([x, y]) + 0.5 * np.array([-y, x]))
-        start, end = designed_nodes_m(self._element)[[0, -1]]
-        self._look_at(start, end, side)
+        side = seen_side(self._element, points)
+        if side is not None:
+            start, end = designed_nodes_m(self._element)[[0, -1]]
+            self._look_at(start, end, side)
 
     def _caption(self, colour: str | None, text: str) -> None:
         kind = text.split(":")[0]

@@ -18,19 +18,25 @@ if TYPE_CHECKING:
 
 PLAYER = Path(__file__).parent / "data" / "viewer" / "player.js"
 LOOPBACK = "127.0.0.1"
-FIRST_PORT = 7000
-PORTS_TRIED = 20
-START_TIMEOUT_S = 10.0
+FIRST_PORT = 7000  # meshcat's
+PORTS_TRIED = 20  # one for each fit that somebody may watch at a time; then any that is free
+START_TIMEOUT_S = 10.0  # a busy machine starts a thread within it; what takes longer does not come
 
 _PAGE = """<!DOCTYPE html>
 <html lang="en">
-<head><meta charset="utf-8"><link rel="icon" href="data:,"><title>{title}</title>
+<head><meta charset="utf-8"><meta name="viewport" content="width=device-width, initial-scale=1">
+<link rel="icon" href="data:,"><title>{title}</title>
 <style>
 body {{ margin: 0; }}
 #meshcat-pane {{ width: 100vw; height: 100vh; overflow: hidden; }}
-#caption {{ position: absolute; left: 12px; top: 12px; max-width: calc(100vw - 24px); box-sizing: border-box;
+/* meshcat's own panel, for those who write scenes. */
+.dg.main {{ display: none; }}
+#legend {{ position: absolute; left: 12px; top: 12px; max-width: min(420px, calc(100vw - 24px)); box-sizing: border-box;
   padding: 8px 12px; border-radius: 6px; pointer-events: none;
-  background: rgba(20, 24, 30, 0.72); color: #eee; font: 13px/1.5 system-ui, sans-serif; white-space: pre-line; }}
+  background: rgba(20, 24, 30, 0.72); color: #eee; font: 13px/1.5 system-ui, sans-serif; }}
+#legend summary {{ cursor: pointer; pointer-events: auto; }}
+#caption {{ white-space: pre-line; max-height: 60vh; overflow-y: auto; }}
+#legend[open] #caption {{ pointer-events: auto; }}
 #player {{ position: absolute; left: 12px; right: 12px; bottom: 12px; display: flex; gap: 12px; align-items: center;
   padding: 8px 12px; border-radius: 6px; background: rgba(20, 24, 30, 0.72); color: #eee;
   font: 13px/1.5 system-ui, sans-serif; }}
@@ -39,14 +45,17 @@ body {{ margin: 0; }}
 #player button {{ font: inherit; width: 62px; }}
 #player output {{ min-width: 22em; }}
 #player input[type="checkbox"] {{ flex: none; min-width: 0; vertical-align: -2px; }}
-@media (max-width: 600px) {{ #caption {{ top: 28px; }} }}
 @media (max-width: 600px) {{ #player {{ flex-wrap: wrap; }} #player output {{ min-width: 100%; }} }}
 #caption i {{ display: inline-block; width: 10px; height: 10px; border-radius: 5px; margin-right: 7px; }}
+/* As viewer_pairs draws them. */
+#player i {{ display: inline-block; width: 16px; height: 3px; margin: 0 6px; background: #c026d3; vertical-align: 4px }}
+#caption i[style*="gradient"] {{ width: 36px; }}
 </style></head>
-<body><div id="meshcat-pane"></div><div id="caption">{caption}</div>
+<body><div id="meshcat-pane"></div>
+<details id="legend" open><summary>Legend</summary><div id="caption">{caption}</div></details>
 <div id="player" hidden><button type="button">Play</button>
 <input type="range" min="0" max="0" step="1" aria-label="iteration"><output></output>
-<label hidden><input type="checkbox"> pairs</label></div>
+<label hidden><input type="checkbox"> <i></i>pairs</label></div>
 <script>{javascript}</script>
 <script>
 var viewer = new MeshCat.Viewer(document.getElementById("meshcat-pane"));
@@ -138,6 +147,14 @@ class Scene:
         """Return the number of browsers that follow the scene."""
         return 0 if self._server is None else len(self._server.sockets)
 
+    def is_seen(self) -> bool:
+        """Say whether anybody may see the scene: it is not served, so it is for a file, or somebody follows it."""
+        return self._server is None or self.watchers() > 0
+
+    def asked_for(self, what: str) -> bool:
+        """Say whether somebody who follows the scene has asked to see something (see player.js)."""
+        return self._server is not None and what in self._server.wanted.values()
+
     def close(self) -> None:
         """Stop serving."""
         if self._server is not None:
@@ -166,6 +183,7 @@ class _Server:
 
     def __init__(self, scene: Scene, port: int | None) -> None:
         self.sockets: set[WebSocketHandler] = set()
+        self.wanted: dict[WebSocketHandler, str] = {}
         self.url = ""
         self._scene = scene
         self._port = port
@@ -207,8 +225,16 @@ class _Server:
                 for data in server._scene.commands():
                     self.write_message(data, binary=True)
 
+            def on_message(self, message: str | bytes) -> None:
+                # All that a page may say.
+                if message == "pairs":
+                    server.wanted[self] = "pairs"
+                elif message == "no pairs":
+                    server.wanted.pop(self, None)
+
             def on_close(self) -> None:
                 server.sockets.discard(self)
+                server.wanted.pop(self, None)
 
         app = tornado.web.Application()
         # Other host names are somebody else's page resolved to this address (DNS rebinding).

@@ -1,7 +1,8 @@
 """Viewer, pairs: at each step of a fit, which place of the model's surface a scan point belongs to.
 
-Shown on request. The pairs are the nearest places of a few hundred of the points that the result lies on, as
-the default method matches them; weights and points that the fit left out do not show.
+Shown on request. The pairs are the nearest places of a few hundred points, as the default method matches them;
+weights do not show. Of a result they are of points that it lies on; while a fit runs, of points that are near
+enough to count at that step, as far as its record says.
 """
 
 from __future__ import annotations
@@ -17,7 +18,10 @@ from linear_ik.viewer_shapes import segment_triangles
 
 Array = npt.NDArray[np.float64]
 
-MOST_PAIRS = 300
+MOST_PAIRS = 300  # more lines are a grey mass
+# While the fit runs, points near the design among which pairs are looked for: most are too far off to count at a step.
+MOST_CANDIDATES = 3000
+NO_WEIGHT_SCALES = 3.0  # of a step's distance scale, `stage.robust_weights`: beyond it a point does not count
 PAIR_COLOUR = 0xC026D3
 
 
@@ -68,6 +72,38 @@ def show_pairs(vis: Any, surface: FittedSurface, points: Array, steps: Sequence[
     for i, poses in enumerate(steps):
         ends = np.stack([points, surface.nearest(points, poses)], axis=1).reshape(-1, 3)
         vis[f"pairs/{i}"].set_object(LineSegments(PointsGeometry(ends.T.astype(np.float32)), line))
+
+
+class LivePairs:
+    """Pairs of a fit that runs, of the same points at each step."""
+
+    def __init__(self, points: Array) -> None:
+        """Choose among points [P][3] near the design, in the view's coordinates."""
+        rows = np.random.default_rng(0).permutation(len(points))[:MOST_CANDIDATES]
+        self._points = points[rows]
+        self._surface: tuple[Element, FittedSurface] | None = None
+
+    def show(self, vis: Any, element: Element, poses: Sequence[Array], scale_m: float) -> None:
+        """Draw the pairs of a state.
+
+        Args:
+            vis: meshcat's Visualizer.
+            element: the one that is fitted, with the state's number of segments.
+            poses: [N][4][4] of the segments.
+            scale_m: distance at which a match loses most of its weight; inf where all count.
+        """
+        from meshcat.geometry import LineBasicMaterial, LineSegments, PointsGeometry
+
+        if not len(self._points):
+            return
+        if self._surface is None or self._surface[0] != element:
+            self._surface = element, FittedSurface(element)
+        places = self._surface[1].nearest(self._points, poses)
+        counts = np.linalg.norm(places - self._points, axis=1) <= NO_WEIGHT_SCALES * scale_m
+        rows = np.flatnonzero(counts)[:MOST_PAIRS]
+        ends = np.stack([self._points[rows], places[rows]], axis=1).reshape(-1, 3)
+        lines = LineSegments(PointsGeometry(ends.T.astype(np.float32)), LineBasicMaterial(color=PAIR_COLOUR))
+        vis["pairs/live"].set_object(lines)
 
 
 def _tensor(points: Array) -> Any:

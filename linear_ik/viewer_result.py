@@ -14,15 +14,16 @@ from linear_ik.viewer_shapes import material, transform
 
 Array = npt.NDArray[np.float64]
 
-FRAMES, FPS = 60, 12
+FRAMES, FPS = 60, 12  # five seconds, as fast as an eye tells states apart
 # 95 % of a normal distribution in three dimensions, in standard deviations: sqrt of chi-square 0.95 with 3 degrees.
 RADIUS_95 = 2.7955
-MOST_ELLIPSOIDS = 60
+MOST_ELLIPSOIDS = 60  # of a longer chain they would touch
 ELLIPSOID_SHARE = 1 / 80  # of the length: what is smaller is not seen
+# By which they are enlarged: numbers that a person divides by.
 SCALES = (1, 2, 5, 10, 20, 50, 100, 200, 500, 1000)
 STATUS_COLOURS = {"inferred": 0xE2B53C, "not_scanned": 0x8A919B}
 ELLIPSOID_COLOUR = 0xC2410C
-JOINT_COLOUR, JOINT_SHARE = 0xFACC15, 1 / 200
+JOINT_COLOUR, JOINT_SHARE = 0xFACC15, 1 / 200  # of the length: a dot of a few pixels
 
 
 def steps_of(result: FitResult) -> list[tuple[str, Array, Array]]:

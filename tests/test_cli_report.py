@@ -95,7 +95,9 @@ def test_fit_judges(folder, here, capfd):
     options = ["--tolerances", "nsss", "--loading-state", "unloaded", "--precamber", "0"]
     assert fit_to(folder, "r.json", *options) == 0
     out, err = capfd.readouterr()
-    assert not out and "fail" in err and "7.2.4" in err
+    assert not out and "7.2.4" in err
+    (line,) = [line for line in err.splitlines() if line.startswith("verdict")]
+    assert line.startswith("verdict    fail: ") and "is outside 3.00 mm" in line
     (verdict,) = json.loads((here / "r.json").read_text())["verdicts"]
     assert verdict["outcome"] == "fail" and verdict["clause"] == "7.2.4" and verdict["value"] - verdict["band"] > 0.003
     assert (verdict["loading_state"], verdict["precamber_m"], verdict["verified_by"] is None) == (
@@ -163,3 +165,18 @@ def test_tolerances_can_be_listed_and_copied(folder, here, capsys):
     assert "1 pass" in capsys.readouterr().err
     assert main(["tolerances", "nss"]) == 2
     assert "one of aisc303" in capsys.readouterr().err
+
+
+def test_the_most_frequent_reason_is_said(folder, here, capfd):
+    """Of several clauses, figures apart; of a run's members in the summary of the report."""
+    clause = "  - {clause: c, title: t, figure: %s, limit: %s, unloaded: %s, verified_by: me}\n"
+    rows = [("bow", "1 m", "true"), ("departure", "1 mm", "false"), ("end_displacement", "2 mm", "false")]
+    (here / "own.yaml").write_text("title: t\nedition: e\nclauses:\n" + "".join(clause % row for row in rows))
+    assert fit_to(folder, "r.json", "--tolerances", "own.yaml") == 0
+    err = capfd.readouterr().err
+    (line,) = [line for line in err.splitlines() if line.startswith("verdict")]
+    assert line.startswith("verdict    fail: ") and line.endswith("(2 of 2 clauses)") and "is outside 1.00 mm" in line
+    assert main(["report", "r.json", "--tolerances", "own.yaml", "-o", "r.html"]) == 0
+    lines = capfd.readouterr().err.splitlines()
+    assert any(line.startswith("fail         most often: ") and "is outside 1.00 mm" in line for line in lines)
+    assert any(line.startswith("inconclusive most often: holds for the unloaded member") for line in lines)

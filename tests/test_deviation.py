@@ -77,8 +77,31 @@ def test_camber_between_two_middle_nodes() -> None:
     beam = Element("beam", H, 3.0, 3, BEAM)
     angles = np.zeros((3, 3))
     angles[0, 0], angles[1, 0], angles[2, 0] = 0.01, -0.01, -0.01
-    d = deviations(posed(beam, angles))
-    assert d.camber_m.value == pytest.approx(np.mean(d.offset_m.xy[1:3, 1]), rel=1e-3)
+    chain, d = (deviations(posed(beam, angles), smooth=smooth) for smooth in (False, True))
+    assert chain.camber_m.value == pytest.approx(np.mean(chain.offset_m.xy[1:3, 1]), rel=1e-9)
+    # Of an arc the middle is farther out than its thirds, by 9/8, and the bow is there.
+    assert d.camber_m.value == pytest.approx(9 / 8 * np.mean(d.offset_m.xy[1:3, 1]), rel=1e-3)
+    assert d.bow_m.value == pytest.approx(-d.camber_m.value, rel=2e-3) and d.bow_m.s_m == pytest.approx(1.5, abs=0.1)
+    assert d.bow_m.band == pytest.approx(d.camber_m.band, rel=0.05)
+
+
+def test_a_curve_passes_through_its_nodes_and_the_largest_is_its_own() -> None:
+    beam = Element("beam", H, 4.0, 7, BEAM)
+    d = deviations(posed(beam, bent(beam, 0, 0.01) + bent(beam, 1, 0.004)))
+    between, nodes = d.offset_between_m, d.offset_m
+    at = [int(np.argmin(np.abs(between.s_m - s))) for s in nodes.s_m]
+    np.testing.assert_allclose(between.s_m[at], nodes.s_m, atol=1e-12)
+    np.testing.assert_allclose(between.xy[at], nodes.xy, atol=1e-12)
+    np.testing.assert_allclose(between.band[at], nodes.band, rtol=1e-9, atol=1e-15)
+    far = np.linalg.norm(between.xy, axis=1)
+    assert d.bow_m.value == pytest.approx(far.max()) and d.bow_m.s_m == between.s_m[far.argmax()]
+    assert d.bow_m.node == round(d.bow_m.s_m / (4.0 / 7)) and far.max() > np.linalg.norm(nodes.xy, axis=1).max()
+    away = np.linalg.norm(d.departure_between_m.xy, axis=1)
+    assert d.departure_max_m.value == pytest.approx(away.max())
+    np.testing.assert_allclose(d.departure_between_m.band[at], d.departure_m.band, rtol=1e-9, atol=1e-15)
+    # A chain that is its own axis has nothing between its nodes.
+    own = deviations(posed(beam, bent(beam, 0, 0.01)), smooth=False)
+    np.testing.assert_array_equal(own.offset_between_m.xy, own.offset_m.xy)
 
 
 def test_a_leaning_column() -> None:

@@ -30,12 +30,12 @@ def slopes(kind):
     }[kind]
 
 
-def sagging(kind, seed):
-    """The fit of ten segments to a finely bent member, its true nodes [FINE + 1][3] and offsets from the chord."""
+def sagging(kind, seed, segments=10):
+    """The fit of some segments to a finely bent member, its true nodes [FINE + 1][3] and offsets from the chord."""
     angles = np.zeros((FINE, 3))
     angles[:, 0] = np.diff(slopes(kind), prepend=0.0)
     scan = simulate(Element("m", H, LENGTH_M, FINE, LYING), joint_angles_rad=angles, seed=seed)
-    result = linear_ik.fit(Element("m", H, LENGTH_M, 10, LYING), scan.without_truth())
+    result = linear_ik.fit(Element("m", H, LENGTH_M, segments, LYING), scan.without_truth())
     nodes = scan.nodes_m
     chord = (nodes[-1] - nodes[0]) / np.linalg.norm(nodes[-1] - nodes[0])
     off = nodes - nodes[0]
@@ -66,6 +66,19 @@ def test_the_operator_undoes_what_fitting_a_polyline_does(segments, held):
     np.testing.assert_allclose(
         node_operator(segments, np.ones(segments + 1, dtype=bool), held), np.eye(segments + 1), atol=1e-12
     )
+
+
+@pytest.mark.parametrize("segments", [5, 7])
+def test_the_middle_of_an_odd_number_of_segments_is_seen(segments):
+    """At the nodes an arc of 40 mm shows 1.6 and 0.8 mm less."""
+    result, _, off = sagging("circle", 0, segments)
+    d = deviations(result)
+    at_nodes = np.linalg.norm(d.offset_m.xy, axis=1).max()
+    assert off.max() - at_nodes > 0.9 * SAG_M / segments**2
+    for figure in (d.bow_m, d.sag_m):
+        assert abs(figure.value) == pytest.approx(off.max(), abs=figure.band) and figure.band < 4e-4
+        assert figure.s_m == pytest.approx(LENGTH_M / 2, abs=0.1)
+    assert abs(d.camber_m.value) == pytest.approx(off.max(), abs=d.camber_m.band)
 
 
 @pytest.mark.parametrize("kind", ["circle", "clamped"])
@@ -168,6 +181,40 @@ def test_a_smooth_body(tmp_path):
     points = np.array(extras["axis_m"]) + extras["local_origin_m"]
     np.testing.assert_allclose(points, smooth_axis(result).points_m, rtol=0, atol=1e-6)
     assert json.dumps(extras)
+
+
+def test_a_kinked_body_is_mitred_and_its_axis_has_each_node_once(tmp_path):
+    import trimesh
+
+    element, angles = Element("m", H, 2.0, 5), np.zeros((5, 3))
+    angles[1, 0], angles[3, 1] = np.radians(-25.0), np.radians(-20.0)
+    scene = trimesh.load_scene(write_smooth_glb(posed(element, angles), tmp_path / "m.glb"))
+    extras, body = scene.metadata["linear_ik"], scene.geometry["member"]
+    axis = np.array(extras["axis_m"])
+    assert len(axis) == 21 and (np.linalg.norm(np.diff(axis, axis=0), axis=1) > 0.09).all()
+    # A mitre takes from one side what it gives to the other: the volume is that of the straight member.
+    assert body.is_watertight and body.volume == pytest.approx(0.1 * 0.2 * 2.0, rel=1e-4)
+    assert len(np.unique(body.vertices.round(6), axis=0)) == 4 * 21
+    assert scene.graph.transforms.parents["member"] == "scan"
+    # Too sharp for its short segments: the body keeps both of its sections there.
+    angles[1, 0] = np.radians(-150.0)
+    scene = trimesh.load_scene(write_smooth_glb(posed(Element("m", H, 2.0, 5), angles), tmp_path / "m.glb"))
+    assert len(scene.metadata["linear_ik"]["axis_m"]) == 21
+
+
+def test_a_chain_without_a_smooth_curve_is_said(tmp_path):
+    angles = np.zeros((5, 3))
+    angles[1, 0], angles[3, 1] = np.radians(-25.0), np.radians(-20.0)
+    element = Element("m", H, 2.0, 5)
+    np.savetxt(tmp_path / "scan.xyz", simulate(element, joint_angles_rad=angles, seed=9, points=3000).points)
+    (tmp_path / "bar.yaml").write_text(
+        "name: m\nprofile: {type: rectangle, x_dim: 0.1, y_dim: 0.2}\nlength: 2.0\nsegments: 5\n"
+    )
+    done = run("fit", "bar.yaml", "scan.xyz", "-o", "r.json", "--glb", "m.glb", "--smooth", cwd=tmp_path)
+    assert done.returncode == 0 and not done.stdout
+    (line,) = [line for line in done.stderr.splitlines() if line.startswith("smooth")]
+    assert line == "smooth     no curve: the bends jump from joint to joint, so the body keeps the segments' corners"
+    assert "smooth" not in run("fit", "bar.yaml", "scan.xyz", "-o", "r.json", "--glb", "m.glb", cwd=tmp_path).stderr
 
 
 def test_the_command_line(tmp_path):

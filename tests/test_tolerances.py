@@ -15,7 +15,7 @@ from posed import BEAM, COLUMN, H, posed
 from linear_ik.elastic_sag import MATERIALS, elastic_sag
 from linear_ik.element import Element, Placement
 from linear_ik.errors import SettingsError, ToleranceError
-from linear_ik.profile import Circle, LShape, Profile, Rectangle
+from linear_ik.profile import Circle, CircleHollow, IShape, LShape, Profile, Rectangle
 from linear_ik.result import FitResult
 from linear_ik.tolerances import (
     Conditions,
@@ -34,9 +34,11 @@ UNLOADED = Conditions("unloaded", 0.0)
 EXACT = 1e-7  # rad; a band of a micrometre
 
 
-def kinked(length_m: float, bow_m: float, sd_rad: float = EXACT, axis: int = 1, **changes: object) -> FitResult:
+def kinked(
+    length_m: float, bow_m: float, sd_rad: float = EXACT, axis: int = 1, profile: Profile = H, **changes: object
+) -> FitResult:
     """A beam of two straight halves whose middle is this far from its chord: sideways (axis 1) or upwards (0)."""
-    beam = Element("beam", H, length_m, 2, BEAM)
+    beam = Element("beam", profile, length_m, 2, BEAM)
     angles, turn = np.zeros((2, 3)), math.asin(2.0 * bow_m / length_m)
     angles[0, axis], angles[1, axis] = -turn, 2.0 * turn
     return replace(posed(beam, angles, sd_rad), **changes)  # type: ignore[arg-type]
@@ -72,9 +74,16 @@ HAND = [
 ]
 
 
+def section_for(profile: str) -> Profile:
+    """ASTM A6 is for rolled shapes."""
+    return IShape(0.1, 0.2, 0.006, 0.008) if profile == "astm_a6" else H
+
+
 @pytest.mark.parametrize(("profile", "length_m", "limit_mm"), HAND)
 def test_straightness(profile: str, length_m: float, limit_mm: float) -> None:
-    inside, outside = (judged(kinked(length_m, limit_mm / 1e3 + d), profile) for d in (-2e-5, 2e-5))
+    inside, outside = (
+        judged(kinked(length_m, limit_mm / 1e3 + d, profile=section_for(profile)), profile) for d in (-2e-5, 2e-5)
+    )
     assert inside.upper == pytest.approx(limit_mm / 1e3, rel=1e-9)
     assert (inside.outcome, outside.outcome) == ("pass", "fail")
     assert inside.verified_by and inside.edition and inside.standard and inside.clause
@@ -84,7 +93,9 @@ def test_straightness(profile: str, length_m: float, limit_mm: float) -> None:
 def test_a_band_across_the_limit_decides_nothing(profile: str) -> None:
     """Just below and just above the limit, known to half a millimetre."""
     for past_m in (-2e-4, 2e-4):
-        v = judged(kinked(4.0, judged(kinked(4.0, 0.0), profile).upper + past_m, 2.5e-4), profile)
+        section = section_for(profile)
+        upper = judged(kinked(4.0, 0.0, profile=section), profile).upper
+        v = judged(kinked(4.0, upper + past_m, 2.5e-4, profile=section), profile)
         assert v.band > 2e-4 and v.outcome == "inconclusive" and "crosses" in v.reason
 
 
@@ -166,6 +177,51 @@ def test_a_fit_in_doubt_has_no_level(status: str) -> None:
 def test_beyond_the_coarsest_there_is_no_level() -> None:
     assert level_of_accuracy(kinked(4.0, 0.0, surface_rmse_m=0.2)).level is None
     assert level_of_accuracy(kinked(4.0, 0.0, surface_rmse_m=math.nan)).level is None
+
+
+# the kinds of member that a clause is for ---------------------------------------------------------
+
+PIPE = CircleHollow(0.057, 0.0036)
+
+
+def outcomes(result: FitResult, name: str, ifc_class: str | None) -> dict[str, str]:
+    known = replace(UNLOADED, precamber_m=0.020, ifc_class=ifc_class)
+    return {v.reason: v.outcome for v in verdicts(result, load_tolerances(name), known)}
+
+
+@pytest.mark.parametrize(
+    ("name", "ifc_class", "profile", "reason"),
+    [
+        ("aisc303", "IfcPipeSegment", H, "for IfcBeam, IfcMember: this is an IfcPipeSegment"),
+        ("aisc303", None, PIPE, "this is a circle hollow"),
+        ("nsss", "IfcPipeSegment", PIPE, "for IfcColumn, IfcBeam, IfcMember: this is an IfcPipeSegment"),
+        ("astm_a6", "IfcBeam", H, "for sections i shape, u shape, l shape, t shape, polygon: this is a rectangle"),
+        ("din18202_walls", "IfcBeam", H, "for IfcWall: this is an IfcBeam"),
+    ],
+)
+def test_a_clause_says_which_kinds_it_is_for(name: str, ifc_class: str | None, profile: Profile, reason: str) -> None:
+    found = outcomes(kinked(4.0, 0.050, axis=0, profile=profile), name, ifc_class)
+    assert set(found.values()) == {"not_applicable"} and any(said.endswith(reason) for said in found)
+    # Nor where it was not found: nothing is left open.
+    lost = kinked(4.0, 0.0, profile=profile, status="not_scanned")
+    assert outcomes(lost, name, ifc_class)[next(said for said in found if said.endswith(reason))] == "not_applicable"
+
+
+def test_a_standing_pipe_is_no_column() -> None:
+    standing = leaning(4.0, 0.0081)
+    assert set(outcomes(standing, "aisc303", "IfcPipeSegment").values()) == {"not_applicable"}
+    for ifc_class in ("IfcColumn", "IfcColumnStandardCase", "IfcMember", None):
+        assert "fail" in outcomes(standing, "aisc303", ifc_class).values()
+
+
+def test_what_is_of_the_kind_is_judged() -> None:
+    beam = kinked(4.0, 0.050, axis=0, profile=IShape(0.1, 0.2, 0.006, 0.008))
+    for name in ("aisc303", "nsss", "astm_a6", "iso13920f"):
+        for ifc_class in ("IfcBeam", "IfcBeamStandardCase", None):
+            assert "fail" in outcomes(beam, name, ifc_class).values(), (name, ifc_class)
+    pipe = kinked(4.0, 0.050, axis=0, profile=PIPE)
+    assert "fail" in outcomes(pipe, "iso13920f", "IfcPipeSegment").values()  # any welded construction
+    assert "fail" in outcomes(pipe, "nsss", "IfcBeam").values()  # a round beam
 
 
 # imperfection, sag, and what was not stated ------------------------------------------------------
@@ -378,6 +434,7 @@ def test_conditions_from_a_file(tmp_path: Path) -> None:
         ("default: {loading_state: wet}", "default.loading_state: 'wet'"),
         ("elements: {B-1: {precamber_m: '20 mm'}}", "elements.B-1.precamber_m: '20 mm'"),
         ("elements: {B-1: {precamber_m: true}}", "elements.B-1.precamber_m: True"),
+        ("elements: {B-1: {ifc_class: beam}}", "elements.B-1.ifc_class: 'beam'"),
         ("elements: [B-1]", "elements: is no set of keys"),
         ("beams: {}", "unknown key 'beams'"),
         ("", "is no set of keys"),
@@ -426,6 +483,10 @@ def test_an_edited_copy(tmp_path: Path) -> None:
         ({"limit": "-"}, "key limit is missing"),
         ({"figure": "bend"}, "one of bow, sag"),
         ({"figure": "twist"}, "is no angle"),
+        ({"classes": "IfcBeam"}, "classes: 'IfcBeam' (a list"),
+        ({"classes": "[beams]"}, "classes: 'beams'"),
+        ({"profiles": "[i_shape, hat]"}, "profiles: 'hat' (of rectangle"),
+        ({"profiles": "[]"}, "profiles: []"),
         ({"applies_to": "columns"}, "one of any, vertical"),
         ({"unloaded": "maybe"}, "true or false"),
         ({"clause": "7.2"}, "in quotes"),

@@ -25,7 +25,8 @@ from linear_ik.result import FitResult, IterationRecord, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.simulate import simulate
-from linear_ik.viewer import MOST_POINTS, Viewer
+from linear_ik.viewer import Viewer
+from linear_ik.viewer_cloud import MOST_POINTS
 from linear_ik.viewer_pairs import MOST_PAIRS
 from linear_ik.viewer_result import RADIUS_95
 
@@ -191,9 +192,26 @@ def test_states_are_shown_with_their_own_number_of_segments(monkeypatch):
     assert shown == [5, 5, 10, 5, 20]
 
 
-def test_closing_a_live_view_ends_what_it_shows():
+def test_a_view_that_nobody_follows_costs_nothing(monkeypatch):
+    element = column(segments=2)
+    viewer, base = Viewer(), element.placement.T_world_element
+    viewer.show_design(element)
+    viewer.serve()
+    try:
+        record = IterationRecord(1, "full", 0, 0.0, 1.0, 0.0, 0.0, np.zeros(6), base)
+        viewer.on_iteration(record)
+        assert ("fitted/1", "set_object") not in commands(viewer)
+        monkeypatch.setattr(viewer.scene, "watchers", lambda: 1)
+        viewer.on_iteration(record)
+        assert ("fitted/1", "set_object") in commands(viewer)
+    finally:
+        viewer.close()
+
+
+def test_closing_a_live_view_ends_what_it_shows(monkeypatch):
     element = column(segments=2)
     viewer = Viewer()
+    monkeypatch.setattr(viewer.scene, "watchers", lambda: 1)
     viewer.show_design(element)
     viewer.serve()
     viewer.slow_down(pause_s=0.05, total_s=100.0)
@@ -427,6 +445,42 @@ def test_importing_and_showing_prints_nothing():
     assert (done.returncode, done.stdout, done.stderr) == (0, "", "")
 
 
+def live(viewer):
+    """The ends [P][2][3] of the pairs that are drawn while a fit runs; None where there are none."""
+    data = commands(viewer).get(("pairs/live", "set_object"))
+    if data is None:
+        return None
+    place = data["object"]["geometries"][0]["data"]["attributes"]["position"]["array"].data
+    return np.frombuffer(place, np.float32).reshape(-1, 2, 3)
+
+
+def test_pairs_of_a_fit_that_runs_are_drawn_where_they_are_asked_for():
+    element = column(segments=3, profile=RectangleHollow(0.2, 0.2, 0.01), location=(0, 0, 0))
+    scan = simulate(element, bends=["2:y:20"], points=2000)
+    wall = np.random.default_rng(0).uniform(20.0, 30.0, size=(500, 3))
+    records = [replace(record, scale_m=scale) for record, scale in zip(
+        fitted(element, scan).history, (math.inf, 0.03, 0.03, 0.03, 0.012), strict=True)]  # fmt: skip
+    for asked in (False, True):
+        viewer = Viewer()
+        viewer.show_design(element)
+        viewer.show_scan(Scan(np.concatenate([scan.points, wall])))
+        viewer.follow_pairs(asked)
+        lengths = []
+        for record in records:
+            viewer.on_iteration(record)
+            ends = live(viewer)
+            assert (ends is not None) == asked
+            if ends is not None:
+                lengths.append(np.linalg.norm(ends[:, 1] - ends[:, 0], axis=1))
+                # Of the member's points, not of what is far off; no more than an eye tells apart.
+                assert 0 < len(ends) <= MOST_PAIRS and np.abs(ends).max() < 5.0
+        if asked:
+            assert lengths[0].max() > 0.1  # all count
+            assert all(size.max() <= 3 * 0.03 + 1e-6 for size in lengths[1:4]) and lengths[4].max() < 3 * 0.012
+    viewer.show_result(fitted(element, scan), scan)
+    assert live(viewer) is None  # those of the result's steps are in their place
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (Debian: apt-get install chromium)")
 def test_the_page_renders_in_a_browser(tmp_path):
     element = column(profile=RectangleHollow(0.3, 0.4, 0.01))
@@ -490,6 +544,7 @@ def test_a_live_view_renders_and_follows(tmp_path):
     viewer = Viewer()
     viewer.show_design(element)
     viewer.show_scan(scan)
+    viewer.follow_pairs()
     url = viewer.serve()
     x = "viewer.scene_tree.find(['meshcat', 'fitted', '4']).object.position.x"
     paths = "[['pairs'], ['pairs', '0'], ['pairs', '5']]"
@@ -501,8 +556,24 @@ def test_a_live_view_renders_and_follows(tmp_path):
             tab.open(url, 800, 600)
             assert viewer.wait_for_browser(20)
             places = []
+            # Pairs while it runs: offered, drawn where somebody ticks the box, gone where nobody does.
+            box = "document.querySelector('#player label input')"
+            assert tab.wait("!document.querySelector('#player label').hidden") and not tab.ask(f"{box}.checked")
+            assert tab.ask("document.querySelector('#player input').hidden")  # no slider yet
             for record in result.history:
                 viewer.on_iteration(record)
+                if record.iteration == 1:
+                    assert live(viewer) is None
+                    tab.ask(f"{box}.click()")
+                    end = time.monotonic() + 10
+                    while not viewer.scene.asked_for("pairs") and time.monotonic() < end:
+                        time.sleep(0.02)
+                elif record.iteration == 2:
+                    assert len(live(viewer)) > 50
+                    lines = "viewer.scene_tree.find(['meshcat', 'pairs', 'live', '<object>']).object"
+                    assert tab.wait(f"{lines}.isLineSegments && {lines}.parent.parent.visible")
+                    tab.ask(f"{box}.click()")
+                    assert not tab.ask(f"{lines}.parent.parent.visible")
                 here = matrix(viewer, "fitted/4")[0, 3]
                 assert tab.wait(f"Math.abs({x} - {here}) < 1e-6"), record.iteration
                 places.append(here)
@@ -528,3 +599,42 @@ def test_a_live_view_renders_and_follows(tmp_path):
             assert all(url in one or one.startswith(("ws:", "data:", "about:")) for one in tab.requests)
     finally:
         viewer.close()
+
+
+@pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (Debian: apt-get install chromium)")
+@pytest.mark.parametrize("lying", [False, True])
+def test_a_phone_sees_the_whole_member_and_opens_the_legend(tmp_path, lying):
+    axis = {"axis": (1.0, 0.0, 0.0), "ref_direction": (0.0, 1.0, 0.0)} if lying else {}
+    element = Element("m", RectangleHollow(0.3, 0.3, 0.01), 3.0, 4, Placement((0.0, 0.0, 0.0), **axis))
+    scan = simulate(element, bends=["3:y:4"], points=800)
+    viewer = Viewer()
+    viewer.show_result(fitted(element, scan), scan)
+    page = viewer.static_html(tmp_path / "page.html")
+    ends = """[0, 3].map(z => { const p = viewer.scene_tree.find(['meshcat', 'design']).object.localToWorld(
+      viewer.camera.position.clone().set(0, 0, z)).project(viewer.camera);
+      return [(p.x + 1) / 2 * innerWidth, (1 - p.y) / 2 * innerHeight]; })"""
+    box = "(r => [r.left, r.top, r.right, r.bottom])(document.getElementById('%s').getBoundingClientRect())"
+    with browser(tmp_path / "profile") as tab:
+        for width, height in ((390, 844), (1280, 720)):
+            tab.open(page.as_uri(), width, height)
+            assert tab.wait("viewer.scene_tree.find(['meshcat', 'design', '<object>']).object.isMesh")
+            tab.ask("new Promise(done => requestAnimationFrame(() => requestAnimationFrame(done)))")
+            left, top, right, bottom = tab.ask(box % "legend")
+            player_top = tab.ask(box % "player")[1]
+            for x, y in tab.ask(ends):
+                assert 0 < x < width and 0 < y < player_top, (width, x, y)
+                assert not (left < x < right and top < y < bottom), (width, x, y)
+            assert tab.ask("document.getElementById('legend').open") == (width > 600)
+            assert tab.ask("document.querySelector('#legend summary').textContent") == "Legend; status: converged"
+            tab.ask("document.querySelector('#legend').open || document.querySelector('#legend summary').click()")
+            assert tab.ask("document.getElementById('caption').getBoundingClientRect().height") > 60
+            # meshcat's own panel; what each colour means, the ones between blue and red and the axes' included.
+            assert tab.ask("[...document.querySelectorAll('.dg')].every(e => !e.getClientRects().length)")
+            marks = tab.ask(
+                "[...document.querySelectorAll('#caption i')].map(e => getComputedStyle(e).backgroundImage)"
+            )
+            assert sum("gradient" in mark for mark in marks) == 2
+            assert tab.ask("document.documentElement.scrollWidth") <= width
+        said = tab.ask("document.getElementById('caption').textContent")
+        for colour in ("blue", "yellow", "red", "grey", "X red, Y green, Z blue"):
+            assert colour in said

@@ -11,7 +11,8 @@ from importlib.metadata import version
 from typing import Any
 
 from linear_ik.asbuilt.draft import Draft
-from linear_ik.deviation import Deviations, Figure, deviations
+from linear_ik.deviation import Deviations, deviations
+from linear_ik.deviation_figures import Figure
 from linear_ik.errors import LinearIkError
 from linear_ik.result import FitResult
 

@@ -78,6 +78,10 @@ def fit(
     wait: Annotated[
         bool, typer.Option("--wait/--no-wait", help="With --view: stay until Enter or Ctrl-C, or end at once.")
     ] = True,
+    pairs: Annotated[
+        bool,
+        typer.Option("--pairs", help="With --view: show from the start which place of it each point belongs to."),
+    ] = False,
     method: Annotated[
         str, typer.Option("--method", metavar="default|icpik", help="icpik is the paper's algorithm, for comparison.")
     ] = "default",
@@ -171,6 +175,7 @@ def fit(
             smooth=smooth or None,
             record=record,
             view=view or None,
+            pairs=pairs or None,
             tolerances=tolerances,
             loading_state=loading_state,
             precamber=precamber,
@@ -184,6 +189,8 @@ def fit(
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
     if smooth and glb is None:
         raise LinearIkError("--smooth", "given without --glb", "both")
+    if pairs and not view:
+        raise LinearIkError("--pairs", "given without --view", "both")
     to_stdout = is_stdout(output)
     target = output if to_stdout else check_output(output, inputs)
     urdf_target = check_output(urdf, inputs, [output]) if urdf else None
@@ -209,7 +216,7 @@ def fit(
         from linear_ik.readers import read_scan
 
         points = read_scan(*scan, unit=scan_unit)
-    viewer = _open_viewer(design, points, wait) if view else None
+    viewer = _open_viewer(design, points, wait, pairs) if view else None
 
     with progress.stage(f"fitting {design.name}"):
         from linear_ik.fit import fit as fit_element
@@ -237,7 +244,7 @@ def fit(
     if not quiet:
         bodies = [] if result.status == "not_scanned" else [urdf, glb]
         written = [path for path in (output, *bodies, record) if path is not None and not is_stdout(path)]
-        _summarise(result, judged, written)
+        _summarise(result, judged, written, smooth)
     if viewer is not None:
         from linear_ik.cli.view import stay
 
@@ -299,15 +306,17 @@ def _with_segments(design: Element, segments: int | Literal["auto"]) -> Element:
         raise error.about("--segments") if error.subject == "segments" else error from None
 
 
-def _open_viewer(design: Element, points: Scan, wait: bool) -> Viewer:
+def _open_viewer(design: Element, points: Scan, wait: bool, pairs: bool) -> Viewer:
     from linear_ik.cli.view import open_browser
     from linear_ik.viewer import Viewer
 
     viewer = Viewer(design.name)
     viewer.show_design(design)
     viewer.show_scan(points)
-    if open_browser(viewer, None, wait):
-        viewer.slow_down()
+    viewer.follow_pairs(pairs)
+    watched = open_browser(viewer, None, wait)
+    # Beside the fit in any case; nobody is kept waiting where no browser came by itself.
+    viewer.slow_down() if watched else viewer.slow_down(0.0, 0.0)
     return viewer
 
 
@@ -343,9 +352,10 @@ def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None, smooth
         write_glb(result.fitted_element, result.q, result.base_pose, glb)
 
 
-def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path]) -> None:
-    from linear_ik.cli.summary import describe
+def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path], smooth: bool) -> None:
+    from linear_ik.cli.summary import corners, describe
 
     last = [f"{'written':<11}{', '.join(str(path) for path in files)}"] if files else []
-    for line in [*describe(result), *describe_verdicts(judged), *last]:
+    kept = corners(result) if smooth else []
+    for line in [*describe(result), *describe_verdicts(judged), *kept, *last]:
         print(line, file=sys.stderr)

@@ -2,6 +2,9 @@
 
 from __future__ import annotations
 
+import re
+from collections import Counter
+from collections.abc import Iterable
 from pathlib import Path
 from typing import TYPE_CHECKING, Any
 
@@ -12,6 +15,9 @@ from linear_ik.cli.process import about_options
 if TYPE_CHECKING:
     from linear_ik.result import FitResult
     from linear_ik.tolerances import Conditions, ConditionsOfEach, Profile, Verdict
+
+
+FIGURES = re.compile(r"-?\d[\d.,]*")
 
 
 def tolerances_option() -> Any:
@@ -108,11 +114,31 @@ def verdicts_of(judged: tuple[Verdict, ...]) -> dict[str, Any]:
 
 
 def describe_verdicts(judged: tuple[Verdict, ...]) -> list[str]:
-    """Return a line for each clause that applies."""
-    lines = []
-    for v in judged:
-        if v.outcome != "not_applicable":
-            lines.append(f"{v.outcome:<13}{v.title} ({v.profile}, {v.clause}): {v.reason}")
-    if judged and not lines:
-        lines.append(f"{'verdict':<11}no clause of {judged[0].profile} applies")
-    return lines
+    """Return what all verdicts come to with the most frequent reason, then a line for each clause that applies."""
+    if not judged:
+        return []
+    from linear_ik.tolerances import overall
+
+    applies = [v for v in judged if v.outcome != "not_applicable"]
+    if not applies:
+        return [f"{'verdict':<11}no clause of {judged[0].profile} applies: {most_frequent(judged)}"]
+    worst = overall(judged)
+    why = f": {most_frequent(applies, worst)}" if worst != "pass" else ""
+    each = [f"{v.outcome:<13}{v.title} ({v.profile}, {v.clause}): {v.reason}" for v in applies]
+    return [f"{'verdict':<11}{worst}{why}", *each]
+
+
+def most_frequent(judged: Iterable[Verdict], outcome: str | None = None) -> str:
+    """Return the most frequent reason of some verdicts, and of how many it is where there are several.
+
+    Reasons that differ in their figures only count as one; the first of them is said.
+
+    Args:
+        judged: the verdicts, at least one.
+        outcome: count those only; None: all.
+    """
+    reasons = [v.reason for v in judged if outcome in (None, v.outcome)]
+    kinds = Counter(FIGURES.sub("#", reason) for reason in reasons)
+    kind, count = kinds.most_common(1)[0]
+    said = next(reason for reason in reasons if FIGURES.sub("#", reason) == kind)
+    return said if len(reasons) == 1 else f"{said} ({count} of {len(reasons)} clauses)"

@@ -14,6 +14,7 @@ from linear_ik.cli.judging import (
     judged_by,
     loading_state_option,
     material_option,
+    most_frequent,
     precamber_option,
     supports_option,
     tolerances_option,
@@ -90,4 +91,8 @@ def report(
         outcomes = [member.outcome or member.result.status for member in run.members]
         counts = ", ".join(f"{outcomes.count(kind)} {kind.replace('_', ' ')}" for kind in dict.fromkeys(outcomes))
         print(f"{'elements':<11}{len(run.members)}: {counts}", file=sys.stderr)
+        for kind in ("fail", "inconclusive"):
+            judged = [v for member in run.members for v in member.verdicts if v.outcome == kind]
+            if judged:
+                print(f"{kind:<13}most often: {most_frequent(judged)}", file=sys.stderr)
         print(f"{'written':<11}{output}", file=sys.stderr)

@@ -62,6 +62,19 @@ def bow(result: FitResult) -> list[str]:
     return [f"{1000 * found.value:.2f} mm from the chord between its ends, {band}"]
 
 
+def corners(result: FitResult) -> list[str]:
+    """Return a line on what of a member's axis is no smooth curve; none where all of it is, or nothing was found."""
+    from linear_ik.smooth_axis import kinks
+
+    inner = result.element.segments - 1
+    kept = 0 if result.status == "not_scanned" else int(kinks(result).sum())
+    if not kept:
+        return []
+    if kept < inner:
+        return [_line("smooth", f"but for {kept} kink{'s' if kept > 1 else ''}, which stay corners")]
+    return [_line("smooth", "no curve: the bends jump from joint to joint, so the body keeps the segments' corners")]
+
+
 def fitted_length(length_m: float, sd_m: float, designed_m: float) -> str:
     """Return a length that was measured, with its 95 % band, and how far it is from the designed one."""
     change_mm = 1000 * (length_m - designed_m)

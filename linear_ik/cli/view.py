@@ -19,7 +19,7 @@ if TYPE_CHECKING:
     from linear_ik.element import Element
     from linear_ik.viewer import Viewer
 
-BROWSER_TIMEOUT_S = 10.0
+BROWSER_TIMEOUT_S = 10.0  # a browser that was closed takes some seconds to come
 # A result starts with its schema; a scan in JSON does not exist.
 HEAD_BYTES = 4096
 EXAMPLE = """Example: what was designed, scanned and found; a page to send to somebody

@@ -25,7 +25,7 @@ FARTHEST_M = 100.0
 def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path: str | os.PathLike[str]) -> Path:
     """Write the bent element as GLB, every segment with its true section.
 
-    Nodes: ``world`` (glTF's axes, Y up) -> ``scan`` (the scan's axes, Z up) -> ``base``
+    Nodes: ``scan``, the root, whose matrix turns the scan's axes (Z up) into glTF's (Y up) -> ``base``
     -> ``segment_01`` ... and ``end``, whose origins are the chain's nodes; the segments
     share one mesh, unless the section tapers. A member more than 100 m from the scan's origin is moved to a local
     origin. The scene's extras hold it: a point of ``scan`` plus
@@ -73,8 +73,9 @@ def write_glb(element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike, path
 def write_smooth_glb(result: FitResult, path: str | os.PathLike[str], pieces: int = 4) -> Path:
     """Write the fitted member as GLB, one body along its smooth axis (`smooth_axis`).
 
-    Nodes: ``world`` -> ``scan`` -> ``member``; axes and local origin as in `write_glb`. The extras'
-    ``linear_ik.axis_m`` are the points of the axis, in the coordinates of ``scan``.
+    Nodes: ``scan`` -> ``member``; axes and local origin as in `write_glb`. The extras'
+    ``linear_ik.axis_m`` are the points of the axis, in the coordinates of ``scan``, a kink's once. At a kink the
+    body is mitred where the segments beside it are long enough for that.
 
     Args:
         result: of a fit that found the element.
@@ -95,10 +96,16 @@ def write_smooth_glb(result: FitResult, path: str | os.PathLike[str], pieces: in
     origin = _local_origin(axis.points_m[0])
     length_m = float(axis.s_m[-1])
     sections = [outlines(element.profile_at(float(s_m) / length_m)) for s_m in axis.s_m]
+    points = axis.points_m - origin
     rings = [
-        point - origin + np.concatenate(section) @ R[:, :2].T
-        for point, R, section in zip(axis.points_m, axis.rotations, sections, strict=True)
+        point + np.concatenate(section) @ R[:, :2].T
+        for point, R, section in zip(points, axis.rotations, sections, strict=True)
     ]
+    # A kink is there twice, with the direction before it and the one after.
+    again = np.flatnonzero(np.diff(axis.s_m) == 0.0)
+    mitred = {int(i): _mitre(rings, points, axis.tangents, int(i)) for i in again}
+    rings = [mitred.get(i) if mitred.get(i) is not None else ring for i, ring in enumerate(rings)]
+    rings = [ring for i, ring in enumerate(rings) if mitred.get(i - 1) is None]
     m, sides = len(rings[0]), side_triangles(sections[0])
     triangles = [cap_triangles(sections[0])[:, ::-1], *(sides + i * m for i in range(len(rings) - 1))]
     triangles.append(cap_triangles(sections[-1]) + (len(rings) - 1) * m)
@@ -106,10 +113,29 @@ def write_smooth_glb(result: FitResult, path: str | os.PathLike[str], pieces: in
     body.metadata.clear()
     body.visual = TextureVisuals(material=_material())
     scene = _scene(element, origin)
-    scene.metadata["linear_ik"]["axis_m"] = (axis.points_m - origin).tolist()
+    scene.metadata["linear_ik"]["axis_m"] = np.delete(points, again, axis=0).tolist()
     scene.geometry["member"] = body
     scene.graph.update(frame_from="scan", frame_to="member", matrix=np.eye(4), geometry="member")
     return write_atomically(target, trimesh.exchange.gltf.export_glb(scene, include_normals=False))
+
+
+def _mitre(rings: list[Array], points: Array, tangents: Array, i: int) -> Array | None:
+    """Return the ring [V][3] in which two meet that stand at a kink, i and i + 1; None: there is no room for it.
+
+    Every corner goes along its own direction to the plane that halves the kink; a twist between the two is halved.
+    """
+    halving = tangents[i] + tangents[i + 1]
+    met = []
+    for k, beyond in ((i, i - 1), (i + 1, i + 2)):
+        off = rings[k] - points[k]
+        along = float(tangents[k] @ halving)
+        if along <= 0.0:
+            return None  # it turns back
+        slides = (off @ halving) / along
+        if np.abs(slides).max() >= np.linalg.norm(points[beyond] - points[k]):
+            return None
+        met.append(off - slides[:, None] * tangents[k])
+    return np.asarray(points[i] + (met[0] + met[1]) / 2.0)
 
 
 def _material() -> Any:

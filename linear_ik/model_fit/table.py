@@ -12,8 +12,9 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.atomic import write_atomically
-from linear_ik.deviation import Figure, deviations
+from linear_ik.deviation import deviations
 from linear_ik.deviation_bands import BAND_95, band_along
+from linear_ik.deviation_figures import Figure
 from linear_ik.errors import LinearIkError
 from linear_ik.model_fit.fits import Row
 from linear_ik.result import FitResult

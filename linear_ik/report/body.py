@@ -14,9 +14,9 @@ from linear_ik.smooth_axis import smooth_axis
 
 Array = npt.NDArray[np.float64]
 
-MOST_RINGS = 60
-PIECES = 4  # of a segment
-MOST_CORNERS = 24
+MOST_RINGS = 60  # with 24 corners: what a page of 50 members draws at once when it is turned
+PIECES = 4  # of a segment: a bend is then seen as a curve
+MOST_CORNERS = 24  # of a round section, seen as round
 STEPS = 32_000  # of a 16-bit coordinate, over the larger half of the view
 
 

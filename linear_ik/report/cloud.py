@@ -17,8 +17,8 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
 NEAR_M = 0.05  # from the fitted surface; what lies farther off is another body
-CELL_M, BITS = 0.5, 20  # of a cell; of its number along each axis
-MOST_POINTS = 40_000  # of a member, before anything is computed
+CELL_M, BITS = 0.5, 20  # of a cell, some sections wide; of its number along each axis, three in 64 bits
+MOST_POINTS = 40_000  # of a member, before anything is computed: six times what its view shows
 MOST_OF_ALL, LEAST_OF_EACH = 4_000_000, 2_000  # of all members together: about 250 MB; and of each at least
 
 

@@ -6,7 +6,7 @@ import csv
 import json
 import os
 from collections.abc import Callable, Iterator
-from dataclasses import dataclass, field
+from dataclasses import dataclass, field, replace
 from pathlib import Path
 from typing import Any
 
@@ -19,6 +19,7 @@ from linear_ik.errors import LinearIkError, ToleranceError
 from linear_ik.exports.result_json import EXPECTED, ResultError, guid_of, result_from_mapping
 from linear_ik.result import FitResult
 from linear_ik.tolerances import (
+    IFC_CLASS,
     Accuracy,
     Conditions,
     ConditionsOfEach,
@@ -162,6 +163,8 @@ def judged_member(
         about: ``name``, ``tag``, ``ifc_class`` and ``profile``, where known.
     """
     row, element, known = about or {}, result.element, conditions or Conditions()
+    if known.ifc_class is None and IFC_CLASS.fullmatch(row.get("ifc_class", "")):
+        known = replace(known, ifc_class=row["ifc_class"])
     found: Deviations | None = None
     elastic: ElasticSag | None = None
     free: Deviations | None = None

@@ -17,6 +17,7 @@ from markupsafe import Markup
 
 from linear_ik.atomic import write_atomically
 from linear_ik.deviation import Deviations
+from linear_ik.deviation_figures import Curve
 from linear_ik.errors import SettingsError
 from linear_ik.report.body import body_data
 from linear_ik.report.cloud import NearPoints, T_world_segments, gather
@@ -30,12 +31,12 @@ Array = npt.NDArray[np.float64]
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "report"
 # Bytes of all scan points of a page, by what one takes there, and how many a member gets at most and least.
 POINT_BYTES, POINTS_BUDGET_BYTES, MOST_POINTS, LEAST_POINTS = 12, 3_000_000, 6000, 200
-SECTION_POINTS = 350
+SECTION_POINTS = 350  # dots of 2.4 pixels on 260: more would be a line
 SECTION_SHARES = (0.25, 0.5, 0.75)  # of the length, less those near where the bow is
-APART = 0.1
+APART = 0.1  # of the length: two sections that are nearer show the same
 THICKNESS_M = 0.05  # of the slice whose points a section shows, each way
 NO_LEVEL = {True: "coarser than any level", False: "no level: the fit is in doubt"}
-LEAST_LARGEST_M = 0.003  # of the colours
+LEAST_LARGEST_M = 0.003  # of the colours: three times the noise of a good scanner
 
 
 @dataclass(frozen=True, eq=False)
@@ -207,12 +208,22 @@ def _plots(member: ReportedMember, found: Deviations) -> list[dict[str, Any]]:
     # A limit that does not hold for this member, or that nobody verified, is none to draw.
     limits = [v.upper for v in member.verdicts if v.figure == "bow" and v.verified_by and v.outcome != "not_applicable"]
     limit = min((upper for upper in limits if upper is not None), default=None)
-    free, elastic = member.imperfection, None if member.elastic is None else member.elastic.offset_m[:, :2]
+    free, elastic = member.imperfection, None
+    if member.elastic is not None:
+        elastic = Curve(found.offset_m.s_m, member.elastic.offset_m[:, :2], np.zeros_like(found.offset_m.xy))
     # The limit stands where it holds: with what is compared with it.
-    drawn = [("w(s): offset from the chord", found.offset_m, "offset from the chord", None if free else limit, elastic)]
+    drawn = [
+        (
+            "w(s): offset from the chord",
+            found.offset_between_m,
+            "offset from the chord",
+            None if free else limit,
+            elastic,
+        )
+    ]
     if free is not None:
-        drawn.append(("imperfection: w(s) without the elastic sag", free.offset_m, "imperfection", limit, None))
-    drawn.append(("offset from the design", found.departure_m, "offset from the design", None, None))
+        drawn.append(("imperfection: w(s) without the elastic sag", free.offset_between_m, "imperfection", limit, None))
+    drawn.append(("offset from the design", found.departure_between_m, "offset from the design", None, None))
     return [
         {
             "title": title,
@@ -237,7 +248,7 @@ def _sections(
     step_m, out = element.segment_length_m, []
     T, R_design = element.placement.T_world_element, element.design.rotations
     designed_nodes = found.specified_m @ T[:3, :3].T + T[:3, 3]
-    bow = 0.5 if found.bow_m.node is None else found.bow_m.node / element.segments
+    bow = 0.5 if found.bow_m.s_m is None else found.bow_m.s_m / found.offset_m.s_m[-1]
     shares = [s_m / element.length_m for s_m in sections_m if 0.0 <= s_m <= element.length_m]
     if not sections_m:
         shares = [bow, *(s for s in SECTION_SHARES if abs(s - bow) > APART)]

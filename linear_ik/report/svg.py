@@ -9,7 +9,7 @@ import numpy as np
 import numpy.typing as npt
 from markupsafe import Markup, escape
 
-from linear_ik.deviation import Curve
+from linear_ik.deviation_figures import Curve
 from linear_ik.result import SegmentResult
 
 Array = npt.NDArray[np.float64]
@@ -17,7 +17,7 @@ Array = npt.NDArray[np.float64]
 WIDTH, HEIGHT = 640, 230
 LEFT, RIGHT, TOP, BOTTOM = 52, 12, 12, 34
 SERIES = (("x", "local X"), ("y", "local Y"))
-MOST_NODES = 120
+MOST_PLACES = 121  # of a curve: one every five pixels
 SECTION_PX = 260
 
 
@@ -27,7 +27,7 @@ def curve_plot(
     what: str,
     segments: Sequence[SegmentResult],
     limit_m: float | None = None,
-    beside: Array | None = None,
+    beside: Curve | None = None,
 ) -> Markup:
     """Return a curve in mm over the length, both axes with their 95 % bands.
 
@@ -37,13 +37,13 @@ def curve_plot(
         what: the vertical axis, in words.
         segments: those that are not measured are shaded.
         limit_m: dashed lines there and at its negative.
-        beside: [K][2] another curve over the same places, drawn dashed.
+        beside: another curve, drawn dashed without bands.
     """
-    keep = np.unique(np.linspace(0, len(curve.s_m) - 1, min(MOST_NODES, len(curve.s_m))).astype(int))
+    keep = np.unique(np.linspace(0, len(curve.s_m) - 1, min(MOST_PLACES, len(curve.s_m))).astype(int))
     s, xy, band = curve.s_m[keep], 1e3 * curve.xy[keep], 1e3 * curve.band[keep]
     known = np.isfinite(band)
     top = float(np.max(np.abs(xy) + np.where(known, band, 0.0), initial=1e-3))
-    dashed = None if beside is None else 1e3 * beside[keep]
+    dashed = None if beside is None else 1e3 * beside.xy
     if dashed is not None:
         top = max(top, float(np.abs(dashed).max()))
     # A limit far beyond the curve would flatten it; its value is in the table of verdicts.
@@ -84,14 +84,14 @@ def curve_plot(
     for i, (name, label) in enumerate(SERIES):
         line = [(px(a), py(b)) for a, b in zip(s, xy[:, i], strict=True)]
         out.append(f'<path class="line {name}" d="{_path(line)}"/>')
-        if dashed is not None:
-            elastic = [(px(a), py(b)) for a, b in zip(s, dashed[:, i], strict=True)]
+        if beside is not None and dashed is not None:
+            elastic = [(px(a), py(b)) for a, b in zip(beside.s_m, dashed[:, i], strict=True)]
             out.append(f'<path class="line elastic {name}" d="{_path(elastic)}"/>')
         out.append(f'<text class="key {name}" x="{LEFT + 8 + 70 * i}" y="{TOP + 12}">{label}</text>')
     if not known.all():
         out.append(
             f'<text class="key" x="{WIDTH - RIGHT - 8}" y="{TOP + 12}" text-anchor="end">'
-            f"band not known at {(~known.all(axis=1)).sum()} of {len(known)} nodes</text>"
+            f"band not known at {(~known.all(axis=1)).sum()} of {len(known)} places</text>"
         )
     middle = (TOP + HEIGHT - BOTTOM) / 2
     out.append(

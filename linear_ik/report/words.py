@@ -7,7 +7,8 @@ from dataclasses import asdict
 from typing import Any
 
 from linear_ik.assessment import grouped
-from linear_ik.deviation import Deviations, Figure
+from linear_ik.deviation import Deviations
+from linear_ik.deviation_figures import Figure
 from linear_ik.report.members import ReportedMember
 from linear_ik.result import FitResult
 from linear_ik.tolerances import Verdict
@@ -88,7 +89,7 @@ def _place(name: str, figure: Figure, found: Deviations) -> str:
         return ""
     if name == "slope_max_rad":
         return f"segment {figure.node}"
-    return f"at {found.offset_m.s_m[figure.node]:.2f} m"
+    return f"at {found.offset_m.s_m[figure.node] if figure.s_m is None else figure.s_m:.2f} m"
 
 
 def verdict_row(verdict: Verdict) -> dict[str, str]:

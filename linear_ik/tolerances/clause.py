@@ -65,6 +65,8 @@ class Clause:
         title: what it limits, in plain words.
         figure: the deviation that is compared: see `linear_ik.deviation.Deviations`.
         applies_to: members near the vertical by design, all others, or any.
+        classes: IFC classes that it is for; empty: all. A member whose class nobody stated may be of any.
+        profiles: types of section that it is for, as in element files; empty: all.
         unloaded: whether it holds for the unstressed member only.
         limit: formula of the largest size, rows by length, or None where the file has none yet.
         lower: formula of the least value; None: as far below 0 as the limit is above.
@@ -78,6 +80,8 @@ class Clause:
     title: str
     figure: Figure
     applies_to: AppliesTo = "any"
+    classes: tuple[str, ...] = ()
+    profiles: tuple[str, ...] = ()
     unloaded: bool = False
     limit: str | tuple[Row, ...] | None = None
     lower: str | None = None
@@ -85,13 +89,29 @@ class Clause:
     verified_by: str | None = None
     note: str = ""
 
+    def not_for(self, ifc_class: str | None, profiles: tuple[str, ...]) -> str:
+        """Return why the clause is not for a member of this kind, in words; empty where it is.
+
+        Args:
+            ifc_class: such as IfcBeam; None: not stated.
+            profiles: types of its section, at its start and its end.
+        """
+        if self.classes and ifc_class and plain_class(ifc_class) not in map(plain_class, self.classes):
+            return f"for {', '.join(self.classes)}: this is an {ifc_class}"
+        other = next((kind for kind in profiles if self.profiles and kind not in self.profiles), None)
+        if other is not None:
+            said = ", ".join(kind.replace("_", " ") for kind in self.profiles)
+            return f"for sections {said}: this is a {other.replace('_', ' ')}"
+        return ""
+
     def limits(self, names: dict[str, Quantity]) -> Limits | None:
-        """Return what is allowed; None: no row for that length.
+        """Return what is allowed; None: no row for that length, or no limit at all.
 
         Raises:
             ToleranceError: a formula that cannot be evaluated.
         """
-        assert self.limit is not None
+        if self.limit is None:
+            return None
         formula: str | None = None
         unsure_to = self.unsure_to
         if isinstance(self.limit, str):
@@ -109,6 +129,11 @@ class Clause:
         widest = upper if unsure_to is None else max(upper, evaluate(unsure_to, names).value)
         lower = -upper if self.lower is None else evaluate(self.lower, names).value
         return Limits(lower, upper, widest, self.lower is None)
+
+
+def plain_class(ifc_class: str) -> str:
+    """Return an IFC class in lower case, standard cases (IfcBeamStandardCase) as what they are cases of."""
+    return ifc_class.lower().removesuffix("standardcase")
 
 
 @dataclass(frozen=True)

@@ -1,4 +1,4 @@
-"""Conditions: what only the person knows of a member: loading state, precamber, supports and material."""
+"""Conditions: what only the person knows of a member: loading state, precamber, supports, material and class."""
 
 from __future__ import annotations
 
@@ -11,10 +11,10 @@ from typing import Literal, get_args
 
 from linear_ik.elastic_sag import MATERIALS, SHARE_95, Material, Supports
 from linear_ik.errors import SettingsError, ToleranceError
-from linear_ik.tolerances.profile_file import checked, read_mapping, said
+from linear_ik.tolerances.profile_file import IFC_CLASS, checked, read_mapping, said
 
 LoadingState = Literal["unloaded", "self_weight", "loaded"]
-MOST_PRECAMBER_M = 1.0
+MOST_PRECAMBER_M = 1.0  # more is a length in millimetres
 TOP = ("default", "elements")
 MATERIAL_KEYS = ("elastic_modulus_gpa", "density_kg_m3", "name", "source")
 
@@ -29,9 +29,10 @@ class Conditions:
         supports: how it was held when it was scanned under its own weight; None: not stated.
         material: what it is made of; None: not stated.
         sag_share95: half-width of the 95 % band of the elastic sag that these make, as a share of it.
+        ifc_class: such as IfcBeam, for clauses that are for some classes only; None: not stated.
 
     Raises:
-        SettingsError: another state, other supports, a precamber that is no length, no such share.
+        SettingsError: another state, other supports, a precamber that is no length, no such share, no IFC class.
     """
 
     loading_state: LoadingState | None = None
@@ -39,6 +40,7 @@ class Conditions:
     supports: Supports | None = None
     material: Material | None = None
     sag_share95: float = SHARE_95
+    ifc_class: str | None = None
 
     def __post_init__(self) -> None:
         """Check all of them."""
@@ -52,6 +54,9 @@ class Conditions:
             raise SettingsError("material", f"{self.material!r}", "a Material, such as MATERIALS['steel']")
         if not 0.0 <= _number(self.sag_share95) <= 1.0:
             raise SettingsError("sag_share95", f"{self.sag_share95!r}", "a share, 0 to 1")
+        named = self.ifc_class is None or (isinstance(self.ifc_class, str) and IFC_CLASS.fullmatch(self.ifc_class))
+        if not named:
+            raise SettingsError("ifc_class", f"{self.ifc_class!r}", "a class of IFC, such as IfcBeam")
 
 
 def material_named(name: str) -> Material:

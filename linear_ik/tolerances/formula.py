@@ -29,7 +29,7 @@ UNITS: dict[str, tuple[float, int]] = {
     "rad": (1.0, 0),
 }
 FUNCTIONS = ("max", "min", "floor", "ceil")
-LONGEST, DEEPEST = 200, 20
+LONGEST, DEEPEST = 200, 20  # characters, brackets: no standard's limit comes near, and a file may be anybody's
 EXPECTED = "numbers with units (3 mm), L, h, D, B, + - * /, brackets, " + ", ".join(FUNCTIONS)
 _TOKEN = re.compile(r"\s*(?:(\d+(?:\.\d*)?(?:[eE][-+]?\d+)?|\.\d+)|([A-Za-z_]+)|([-+*/(),]))")
 

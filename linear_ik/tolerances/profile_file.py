@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import os
+import re
 from collections.abc import Mapping
 from pathlib import Path
 from typing import Any, get_args
@@ -10,18 +11,21 @@ from typing import Any, get_args
 import yaml
 
 from linear_ik.errors import ElementError, ToleranceError
+from linear_ik.profile import PROFILES
 from linear_ik.strict_yaml import StrictLoader
 from linear_ik.tolerances.clause import ANGLES, AppliesTo, Clause, Figure, Profile, Row
 from linear_ik.tolerances.formula import Quantity, evaluate
 
 FOLDER = Path(__file__).resolve().parent.parent / "data" / "tolerances"
-LARGEST_FILE_BYTES = 256 * 1024
+LARGEST_FILE_BYTES = 256 * 1024  # a hundred times the largest that is shipped
 TOP = ("title", "edition", "clauses")
 CLAUSE_KEYS = (
     "clause",
     "title",
     "figure",
     "applies_to",
+    "classes",
+    "profiles",
     "unloaded",
     "limit",
     "lower",
@@ -31,6 +35,7 @@ CLAUSE_KEYS = (
 )
 NEEDED = ("clause", "title", "figure", "limit", "verified_by")
 ROW, ROW_NEEDED = ("over", "to", "limit", "unsure_to"), ("over", "to", "limit")
+IFC_CLASS = re.compile("Ifc[A-Z][A-Za-z0-9]*")
 # Any member will do to see whether a formula can be evaluated.
 TRIAL = {"L": Quantity(5.0, 1), "h": Quantity(3.0, 1), "D": Quantity(0.3, 1), "B": Quantity(0.2, 1)}
 
@@ -154,6 +159,10 @@ def _clause(name: str, value: object) -> Clause:
         title=said(f"{name}.title", data["title"]),
         figure=figure,
         applies_to=applies_to,
+        classes=_kinds(f"{name}.classes", data.get("classes"), IFC_CLASS, "IFC classes, such as [IfcBeam, IfcColumn]"),
+        profiles=_kinds(
+            f"{name}.profiles", data.get("profiles"), re.compile("|".join(PROFILES)), "of " + ", ".join(PROFILES)
+        ),
         unloaded=unloaded,
         limit=limit,
         lower=_optional(name, data, "lower", power),
@@ -187,6 +196,18 @@ def _formula(name: str, value: object, power: int) -> str:
             name, f"{text} is {'no length' if power else 'no angle'}", "such as 3 mm" if power else "such as 0.5 deg"
         )
     return text
+
+
+def _kinds(name: str, value: object, allowed: re.Pattern[str], expected: str) -> tuple[str, ...]:
+    """Return a list of kinds of member; empty where the key is not there."""
+    if value is None:
+        return ()
+    if not isinstance(value, list) or not value:
+        raise ToleranceError(name, f"{value!r}", "a list " + expected)
+    for one in value:
+        if not isinstance(one, str) or not allowed.fullmatch(one):
+            raise ToleranceError(name, f"{one!r}", expected)
+    return tuple(value)
 
 
 def _one_of(name: str, value: object, allowed: tuple[str, ...]) -> str:

@@ -21,7 +21,8 @@ from typing import Any, Literal, NamedTuple
 
 import numpy as np
 
-from linear_ik.deviation import Deviations, Figure, deviations
+from linear_ik.deviation import Deviations, deviations
+from linear_ik.deviation_figures import Figure
 from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import ToleranceError
 from linear_ik.result import FitResult
@@ -190,6 +191,10 @@ def _outcome(
     sag: ElasticSag | None,
 ) -> tuple[Outcome, str]:
     """Return the outcome and its reason: first whether the clause holds, then what is not known, then the figure."""
+    element = result.element
+    other = clause.not_for(known.ifc_class, (element.profile.type, element.profile_at(1.0).type))
+    if other:
+        return "not_applicable", other
     if found is None or figure is None:
         return "inconclusive", "the element was not found in the scan"
     if clause.applies_to != "any" and (clause.applies_to == "vertical") != found.vertical:
@@ -212,14 +217,19 @@ def _outcome(
         outcome, reason = compare(figure.value, figure.band, limits, clause.figure in ANGLES)
         return outcome, f"without {1e3 * sag.largest_m:.2f} mm of elastic sag ({sag.said}): {reason}"
     if clause.unloaded and known.loading_state != "unloaded":
-        return _loaded(result, found, clause, figure, limits, known)
+        return _loaded(result, found, clause, (figure.value, figure.band), limits, known)
     return compare(figure.value, figure.band, limits, clause.figure in ANGLES)
 
 
 def _loaded(
-    result: FitResult, found: Deviations, clause: Clause, figure: Figure, limits: Limits, known: Conditions
+    result: FitResult,
+    found: Deviations,
+    clause: Clause,
+    figure: tuple[float, float],
+    limits: Limits,
+    known: Conditions,
 ) -> tuple[Outcome, str]:
-    """Return the outcome of a clause that holds for the unstressed member, which this one is not."""
+    """Return the outcome of a clause that holds for the unstressed member, which this one is not; of value and band."""
     if known.loading_state is None:
         return "inconclusive", (
             "holds for the unloaded member: the loading state is not stated "
@@ -227,7 +237,6 @@ def _loaded(
         )
     if known.loading_state == "loaded":
         return "inconclusive", "holds for the unloaded member: it was scanned loaded"
-    assert figure.value is not None and figure.band is not None
     if not found.vertical and clause.figure in ("bow", "sweep") and not sags_straight_down(result):
         return "inconclusive", (
             "holds for the unloaded member: no principal axis of its section is vertical, so own weight bends it "
@@ -235,7 +244,7 @@ def _loaded(
         )
     if found.vertical or clause.figure == "sweep":
         # Own weight bends neither.
-        return compare(figure.value, figure.band, limits, clause.figure in ANGLES)
+        return compare(*figure, limits, clause.figure in ANGLES)
     sideways = found.sweep_m
     if clause.figure == "bow" and sideways.value is not None and sideways.band is not None:
         outcome, reason = compare(sideways.value, sideways.band, limits, False)

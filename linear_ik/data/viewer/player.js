@@ -1,9 +1,14 @@
 // What the page knows beside meshcat: a legend that changes while one looks, and a slider through the iterations.
 (() => {
+  // A member as long as the view shows at the eye's distance (viewer.py: 0.85 of its length), and an eighth beside it.
+  const ASPECT = 1.13;
   const caption = document.getElementById("caption"), player = document.getElementById("player");
   const slider = player.querySelector("input[type=range]"), button = player.querySelector("button"), label = player.querySelector("output");
   const asked = player.querySelector("label"), pairs = asked.querySelector("input");
+  const legend = document.getElementById("legend"), heading = legend.querySelector("summary");
   let labels = [], fps = 12;
+  // On a phone the legend would hide what it explains: it opens at a touch.
+  if (matchMedia("(max-width: 600px)").matches) legend.open = false;
   const own = {
     captions(command) {
       caption.replaceChildren(...command.lines.flatMap(([colour, text], i) => {
@@ -11,8 +16,20 @@
         mark.style.background = colour;
         return [i ? "\n" : "", ...(colour ? [mark] : []), text];
       }));
+      const status = command.lines.map(([, text]) => text.split("\n")[0]).find(text => text.startsWith("status: "));
+      heading.textContent = status ? `Legend; ${status}` : "Legend";
+    },
+    // While a fit runs: no steps yet, and pairs where they are asked for.
+    live(command) {
+      live = true;
+      pairs.checked = command.pairs;
+      asked.hidden = player.hidden = false;
+      steps.forEach(part => { part.hidden = true; });
+      ask();
     },
     steps(command) {
+      live = false;
+      steps.forEach(part => { part.hidden = false; });
       labels = command.labels;
       fps = command.fps;
       slider.max = labels.length - 1;
@@ -24,6 +41,25 @@
   const meshcat = viewer.handle_command.bind(viewer);
   viewer.handle_command = command => (own[command.type] || meshcat)(command);
 
+  const steps = [slider, button, label];
+  let live = false;
+  function ask() {
+    viewer.scene_tree.find(["meshcat", "pairs"]).object.visible = pairs.checked;
+    viewer.set_dirty();
+    const connection = viewer.connection, say = () => connection.send(pairs.checked ? "pairs" : "no pairs");
+    if (connection?.readyState === WebSocket.OPEN) say();
+    else connection?.addEventListener("open", say, { once: true });
+  }
+  // The camera's angle is that of the page's height: on a narrow page a lying member would reach past its sides.
+  function fit() {
+    const camera = viewer.camera;
+    if (!camera?.isPerspectiveCamera) return;
+    camera.zoom = Math.min(1, ASPECT * innerWidth / innerHeight);
+    camera.updateProjectionMatrix();
+    viewer.set_dirty();
+  }
+  addEventListener("resize", fit);
+
   function show(step) {
     slider.value = step;
     label.textContent = labels[step];
@@ -32,14 +68,14 @@
   }
   // Each step has its own lines from scan points to the surface, below pairs/<step>.
   function showPairs() {
-    if (asked.hidden) return;
+    if (asked.hidden || live) return;
     viewer.scene_tree.find(["meshcat", "pairs"]).object.visible = pairs.checked;
     labels.forEach((_, i) => {
       viewer.scene_tree.find(["meshcat", "pairs", String(i)]).object.visible = i === Number(slider.value);
     });
     viewer.set_dirty();
   }
-  pairs.addEventListener("change", showPairs);
+  pairs.addEventListener("change", () => live ? ask() : showPairs());
   slider.addEventListener("input", () => {
     if (viewer.animator.playing) viewer.animator.pause();
     viewer.animator.seek(Number(slider.value) / fps);
@@ -68,4 +104,5 @@
     requestAnimationFrame(follow);
   }
   follow();
+  fit();
 })();
