@@ -234,6 +234,8 @@ def test_an_element_whose_rival_is_gone_has_its_first_fit_again(tmp_path):
         return contents(folder)
 
     contested = run(both)
+    # One of them twice, which is still one.
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["where"]["fitted_now"] == 2
     alone = run(replace(both, members=(b,)))
     name = f"elements/{b.guid}.json"
     assert alone[name]["status"] != contested[name]["status"] == "not_scanned"
@@ -501,6 +503,16 @@ def test_an_element_without_a_chord_has_no_figures_against_it():
     assert values["max_offset_mm"] == "0.000"
     assert "bow_mm" not in values
     assert values["file"] == "elements/g.json"
+
+
+def test_the_table_has_a_measured_length_beside_the_designed_one(done):
+    found, folder = done
+    assert {row["measured_length_m"] for row in table(folder).values()} == {""}, "lengths were taken as known"
+    row = found.rows[0]
+    loose = replace(row.result.element, length_tolerance_m=0.03)
+    values = line(replace(row, result=replace(row.result, element=loose, length_m=2.0123, length_sd_m=0.0005)))
+    assert (values["length_m"], values["measured_length_m"]) == ("2.0000", "2.0123")
+    assert values["measured_length_band95_mm"] == "0.980"
 
 
 def test_a_long_elements_result_is_the_same_in_memory_and_from_its_file(tmp_path):

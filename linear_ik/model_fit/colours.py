@@ -67,7 +67,7 @@ def colour_scan(
         listener: told how many points are done.
     """
     earlier = _earlier(folder, inputs)
-    if fits.fitted_now == 0 and earlier is not None:
+    if not fits.fitted_now and earlier is not None:
         return earlier
     found = {i: r for i, r in enumerate(row.result for row in fits.rows) if r is not None and r.status != "not_scanned"}
     out = Coloured()

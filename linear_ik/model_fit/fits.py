@@ -69,7 +69,7 @@ class Fits:
     Attributes:
         members: in the design's order.
         inputs: by GlobalId, the fingerprint of what the element's first fit hangs on.
-        fitted_now: how many fits this run made.
+        fitted_now: GlobalIds of the elements that this run fitted, once or, after a contest, twice.
         extent: what was read of the scan.
     """
 
@@ -100,7 +100,7 @@ class Fits:
         self._results: dict[str, FitResult] = {}
         self._facts: dict[str, Facts] = {member.guid: {} for member in members}
         self._failures: dict[str, str] = {}
-        self.fitted_now = 0
+        self.fitted_now: set[str] = set()
         self.extent: dict[str, Any] = {}
         self._spill: Spill | None = None
         self._stations: Array | None = None
@@ -209,7 +209,8 @@ class Fits:
             listener(stage, 0, count, NAN)
         for outcome in pool.run(tasks):
             done += 1
-            self.fitted_now += outcome.result is not None
+            if outcome.result is not None:
+                self.fitted_now.add(outcome.guid)
             yield outcome
             listener(stage, done, count, (time.perf_counter() - began) / done * (count - done))
 

@@ -213,7 +213,7 @@ def _write(
         },
         "deviation": coloured.legend,
         "scan_points": fits.extent,
-        "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": fits.fitted_now},
+        "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": len(fits.fitted_now)},
         "versions": versions(),
     }
     return ModelFit(tuple(rows), folder, counts, (*files, REPORT), tuple(notes)), report
