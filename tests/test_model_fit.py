@@ -283,6 +283,20 @@ def test_a_scan_of_something_else_finds_nothing(built, tmp_path):
     assert "deviation.ply" not in found.files
 
 
+def test_points_without_coordinates_are_counted(built, tmp_path):
+    model = only(built.design, ABSENT)
+    points = linear_ik.read_scan(built.scan).points
+    np.savetxt(tmp_path / "scan.xyz", np.insert(points, [0, 7, len(points)], np.nan, axis=0))
+    for T in (None, np.eye(4)):
+        found = fit_model(
+            model, [tmp_path / "scan.xyz"], tmp_path / "out", options=ModelFitOptions(**HERE, T_model_scan=T)
+        )
+        report = json.loads((tmp_path / "out" / "run.json").read_text())
+        assert "left out of the scan: 3 points without finite coordinates" in found.notes
+        assert report["scan_points"]["left_out"] == 3
+        assert report["scan_points"]["points"] == len(points)
+
+
 def test_a_scan_in_other_coordinates_is_moved_into_the_models(built, done, tmp_path):
     T = np.eye(4)
     T[:3, :3] = [[0, -1, 0], [1, 0, 0], [0, 0, 1]]

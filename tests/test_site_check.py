@@ -81,11 +81,12 @@ def test_a_scan_in_place(site, tmp_path, capsys):
 
 
 def test_it_says_so_in_words(site, tmp_path, capsys):
-    write_scan(Scan(site[3]), tmp_path / "scan.ply")
-    assert main(["check", str(site[1]), str(tmp_path / "scan.ply")]) == 0
+    np.savetxt(tmp_path / "scan.xyz", np.insert(site[3], 5, np.nan, axis=0))
+    assert main(["check", str(site[1]), str(tmp_path / "scan.xyz")]) == 0
     out = capsys.readouterr().out
     for said in (
-        f"scan       scan.ply: {len(site[3]):,} points, stations unknown",
+        f"scan       scan.xyz: {len(site[3]):,} points, stations unknown",
+        "left out   1 point without finite coordinates",
         "place      in the model's coordinates",
         "overlap    3 of 4 elements are covered",
         "not seen   C2 HEB200: ",

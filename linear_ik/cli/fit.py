@@ -237,7 +237,7 @@ def fit(
     if not quiet:
         bodies = [] if result.status == "not_scanned" else [urdf, glb]
         written = [path for path in (output, *bodies, record) if path is not None and not is_stdout(path)]
-        _summarise(result, judged, written)
+        _summarise(result, judged, points.left_out, written)
     if viewer is not None:
         from linear_ik.cli.view import stay
 
@@ -343,9 +343,11 @@ def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None, smooth
         write_glb(result.fitted_element, result.q, result.base_pose, glb)
 
 
-def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path]) -> None:
+def _summarise(result: FitResult, judged: tuple[Verdict, ...], left_out: int, files: list[Path]) -> None:
     from linear_ik.cli.summary import describe
+    from linear_ik.scan import no_points
 
+    lost = [f"{'left out':<11}{no_points(left_out)}"] if left_out else []
     last = [f"{'written':<11}{', '.join(str(path) for path in files)}"] if files else []
-    for line in [*describe(result), *describe_verdicts(judged), *last]:
+    for line in [*describe(result), *lost, *describe_verdicts(judged), *last]:
         print(line, file=sys.stderr)

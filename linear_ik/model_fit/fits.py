@@ -281,6 +281,7 @@ class Fits:
                     "in_a_neighbourhood": extent.handed_out,
                     "low_m": extent.low_m.tolist(),
                     "high_m": extent.high_m.tolist(),
+                    "left_out": extent.left_out,
                 },
             }
             write_atomically(note, json.dumps(done) + "\n")

@@ -27,7 +27,7 @@ from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
-from linear_ik.scan import Scan
+from linear_ik.scan import Scan, no_points
 from linear_ik.settings import FitSettings
 from linear_ik.site.handout import boxes_back, moved
 
@@ -186,6 +186,8 @@ def _write(
     files, notes = [TABLE], list(model.notes)
     if fits.extent and not fits.extent["in_a_neighbourhood"]:
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
+    if fits.extent.get("left_out"):
+        notes.append(f"left out of the scan: {no_points(fits.extent['left_out'])}")
     write_table(rows, folder / TABLE)
     shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
     coloured = colour_scan(pieces, fits, folder, options, fingerprint(fits.inputs, options.legend_m, shapes), listener)

@@ -61,10 +61,10 @@ COLUMNS = (
 def write_table(rows: Sequence[Row], path: Path) -> None:
     """Write the table as CSV (RFC 4180, UTF-8).
 
-    Offsets are across the designed axis, of the nodes; the shift along it stands apart,
-    because surfaces hardly show it. ``length_m`` is the designed length; the measured one is empty
-    unless the element has a ``length_tolerance_m`` and the scan tells its length. Bow, sag (downwards) and sweep (sideways) are offsets from
-    the chord between the ends, see `deviation`.
+    Offsets are across the designed axis, of the nodes; the shift along it stands apart, because
+    surfaces hardly show it. ``length_m`` is the designed length; the measured one is empty unless
+    the element has a ``length_tolerance_m`` and the scan tells its length. Bow, sag (downwards)
+    and sweep (sideways) are offsets from the chord between the ends, see `deviation`.
 
     Raises:
         OutputError: it cannot be written.
