@@ -11,8 +11,8 @@ from command import BEAM, folder, here, run
 
 import linear_ik
 from linear_ik.cli import main
-from linear_ik.exports.result_json import read_result
 from linear_ik.readers import read_scan
+from linear_ik.readers.result_json import read_result
 
 __all__ = ["folder", "here"]
 

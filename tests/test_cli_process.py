@@ -10,7 +10,7 @@ import pytest
 from command import fit_to, folder, run
 
 from linear_ik.cli.process import Outcome, Verb, stdout_aside
-from linear_ik.exports.result_json import read_result
+from linear_ik.readers.result_json import read_result
 
 __all__ = ["folder"]
 

@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from linear_ik.atomic import written_whole
 from linear_ik.exports.coloured_cloud import CloudFile, LazCloud, PlyCloud, colours_of, laz_can_be_written
-from linear_ik.model_fit.fits import Fits, Listener, Pieces
+from linear_ik.model_fit.fits import Fits
+from linear_ik.model_fit.handed_out import Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.result import FitResult
 from linear_ik.scan import Scan

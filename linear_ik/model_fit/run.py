@@ -18,8 +18,9 @@ from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
-from linear_ik.model_fit.fits import Fits, Listener, Pieces, Row
+from linear_ik.model_fit.fits import Fits, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
+from linear_ik.model_fit.handed_out import Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import scan_to_model, why_nothing
