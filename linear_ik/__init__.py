@@ -26,7 +26,7 @@ if TYPE_CHECKING:
     from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
     from linear_ik.exports.fitted_urdf import write_fitted_urdf
     from linear_ik.exports.glb import write_glb, write_smooth_glb
-    from linear_ik.exports.result_json import read_result, result_to_mapping, write_result
+    from linear_ik.exports.result_json import result_to_mapping, write_result
     from linear_ik.exports.scan_file import write_scan
     from linear_ik.fit import fit
     from linear_ik.model_fit import ModelFit, ModelFitOptions, fit_model
@@ -43,6 +43,7 @@ if TYPE_CHECKING:
         UShape,
     )
     from linear_ik.readers import read_scan
+    from linear_ik.readers.result_json import read_result
     from linear_ik.result import FitResult, IterationRecord, SegmentResult
     from linear_ik.scan import Scan
     from linear_ik.settings import FitSettings
@@ -71,7 +72,7 @@ _MODULES = {
     "exports.fitted_urdf": ("write_fitted_urdf",),
     "exports.glb": ("write_glb", "write_smooth_glb"),
     "smooth_axis": ("SmoothAxis", "smooth_axis"),
-    "exports.result_json": ("read_result", "result_to_mapping", "write_result"),
+    "exports.result_json": ("result_to_mapping", "write_result"),
     "exports.scan_file": ("write_scan",),
     "fit": ("fit",),
     "model_fit": ("ModelFit", "ModelFitOptions", "fit_model"),
@@ -88,6 +89,7 @@ _MODULES = {
         "UShape",
     ),
     "readers": ("read_scan",),
+    "readers.result_json": ("read_result",),
     "result": ("FitResult", "IterationRecord", "SegmentResult"),
     "scan": ("Scan",),
     "settings": ("FitSettings",),

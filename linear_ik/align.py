@@ -3,7 +3,7 @@
 from __future__ import annotations
 
 import os
-from collections.abc import Callable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from dataclasses import dataclass
 from typing import Literal
 
@@ -18,7 +18,7 @@ from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.readers import iter_scan
 from linear_ik.rigid import check_rigid
-from linear_ik.scan import Scan
+from linear_ik.scan import Scan, no_points
 
 Array = npt.NDArray[np.float64]
 Points = Scan | npt.NDArray[np.float64] | str | os.PathLike[str]
@@ -119,7 +119,8 @@ def align(
     if not (design.members or any(len(o.triangles) for o in design.obstacles)):
         raise LinearIkError(design.source, "has no bodies", "members or obstacles to lay a scan on")
     say("reading", 0.0)
-    thinned = thin(_parts(scans, unit), VOXEL_M)
+    left_out: list[int] = []
+    thinned = thin(_parts(scans, unit, left_out.append), VOXEL_M)
     points, voxel_m = thinned.points(), thinned.voxel_m
     target = Target(design)
     # Single precision comes later: both clouds about origins of their own.
@@ -167,6 +168,8 @@ def align(
     if thinned.dropped:
         far = f"Points left out, more than {thinned.reach_km:.0f} km from the others: {thinned.dropped:,}."
         reasons = (*reasons, far)
+    if sum(left_out):
+        reasons = (*reasons, f"Left out: {no_points(sum(left_out))}.")
 
     def in_model(T: Array) -> Array:
         out = T.copy()
@@ -231,15 +234,17 @@ def _judge(
     return status, tuple(reasons)
 
 
-def _parts(scans: tuple[Points, ...], unit: str) -> Iterator[Array]:
+def _parts(scans: tuple[Points, ...], unit: str, on_left_out: Callable[[int], None]) -> Iterator[Array]:
     for scan in scans:
         if isinstance(scan, Scan):
-            yield scan.points
+            parts: Iterable[Scan] = [scan]
         elif isinstance(scan, np.ndarray):
-            yield Scan(scan).points
+            parts = [Scan(scan)]
         else:
-            for part in iter_scan(scan, unit=unit):
-                yield part.points
+            parts = iter_scan(scan, unit=unit)
+        for part in parts:
+            on_left_out(part.left_out)
+            yield part.points
 
 
 def _differs(a: Array, b: Array) -> bool:

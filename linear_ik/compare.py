@@ -13,8 +13,8 @@ import numpy.typing as npt
 
 from linear_ik.common_shift import FEWEST, CommonShift, common_shift
 from linear_ik.errors import LinearIkError, SettingsError
-from linear_ik.exports.result_json import read_result_with_guid
 from linear_ik.movement import Movement, judge, movement, with_displacement
+from linear_ik.readers.result_json import read_result_with_guid
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]

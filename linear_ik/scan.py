@@ -29,6 +29,7 @@ class Scan:
         normals: [P][3] unit vectors (zero where unknown), or None. Nothing says which side they point to.
         stations: [S][3] scanner positions in metres, or None.
         station_index: [P] row of ``stations`` that saw each point, or None.
+        left_out: how many points without finite coordinates came with these and were dropped.
 
     Raises:
         ScanError: no finite point is left, a coordinate beyond 1e8 m (no place on Earth has one,
@@ -39,6 +40,7 @@ class Scan:
     normals: Array | None = None
     stations: Array | None = None
     station_index: npt.NDArray[np.int32] | None = None
+    left_out: int = 0
 
     def __post_init__(self) -> None:
         """Check the shapes and drop the points that are no points."""
@@ -61,6 +63,7 @@ class Scan:
                 raise ScanError("station_index", f"value {wrong}", f"a row of stations, 0 to {len(stations) - 1}")
         finite = np.isfinite(points).all(axis=1)
         if not finite.all():
+            object.__setattr__(self, "left_out", self.left_out + int((~finite).sum()))
             points = points[finite]
             normals = None if normals is None else normals[finite]
             index = None if index is None else index[finite]
@@ -104,8 +107,10 @@ def merge(scans: Iterable[Scan]) -> Scan:
     points, normals, index = np.empty((0, 3)), np.empty((0, 3)), np.empty(0, dtype=np.int32)
     rows: dict[tuple[float, ...], int] = {}
     has_normals = has_stations = True
+    left_out = 0
     for part in chain(head, parts):
         _append(points, part.points)
+        left_out += part.left_out
         if has_normals := has_normals and part.normals is not None:
             _append(normals, part.normals)
         if has_stations := has_stations and part.stations is not None:
@@ -116,7 +121,13 @@ def merge(scans: Iterable[Scan]) -> Scan:
         normals if has_normals else None,
         np.array(list(rows)) if has_stations else None,
         index if has_stations else None,
+        left_out,
     )
+
+
+def no_points(count: int) -> str:
+    """Return how a person is told of points that are left out."""
+    return f"{count:,} point{'s' if count > 1 else ''} without finite coordinates"
 
 
 def _append(array: npt.NDArray[np.generic], rows: npt.NDArray[np.generic]) -> None:

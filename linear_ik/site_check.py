@@ -44,6 +44,7 @@ class ScanCheck:
         stations: scanner positions, None where the scan names none.
         finding: whether the two are in the same coordinates.
         near: [N] points near each segment of the model, all members' segments counted through.
+        left_out: points without finite coordinates.
     """
 
     name: str
@@ -53,6 +54,7 @@ class ScanCheck:
     stations: int | None
     finding: FrameFinding
     near: Counts
+    left_out: int = 0
 
 
 @dataclass(frozen=True)
@@ -112,11 +114,11 @@ class SiteCheck:
         Raises:
             ScanError: what ``read`` raises.
         """
-        count, low, high = 0, np.full(3, np.inf), np.full(3, -np.inf)
+        count, left_out, low, high = 0, 0, np.full(3, np.inf), np.full(3, -np.inf)
         stations: set[tuple[float, ...]] = set()
         some: list[Array] = []
         for piece in read():
-            count += len(piece)
+            count, left_out = count + len(piece), left_out + piece.left_out
             low, high = np.minimum(low, piece.points.min(axis=0)), np.maximum(high, piece.points.max(axis=0))
             if piece.stations is not None:
                 stations.update(map(tuple, piece.stations.tolist()))
@@ -128,7 +130,7 @@ class SiteCheck:
             text = f"its coordinates were stored in single precision: steps of {1000 * step:.3g} mm"
             finding = FrameFinding(finding.place, (*finding.sentences, text), finding.share)
         near = self._near(read, finding.place, on_progress)
-        return ScanCheck(name, count, low, high, len(stations) or None, finding, near)
+        return ScanCheck(name, count, low, high, len(stations) or None, finding, near, left_out)
 
     def coverage(self, checks: Iterable[ScanCheck]) -> list[Coverage]:
         """Return what scans show together of each member, in the model's order."""

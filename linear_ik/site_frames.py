@@ -85,7 +85,8 @@ def compare_frames(model: DesignModel, sample: Array, box_m: Array, count: Count
     if best == 0:
         return FrameFinding("elsewhere", _apart(model, sample, box_m, as_it_is.share), 0.0)
     if on_map.weight > as_it_is.weight:
-        return FrameFinding("map", ("in map coordinates: the model's map conversion leads there",), on_map.share)
+        there = "in map coordinates: the model's map conversion leads there (fit --map)"
+        return FrameFinding("map", (there,), on_map.share)
     few = as_it_is.share < LEAST_SHARE
     return FrameFinding("model", _apart(model, sample, box_m, as_it_is.share) if few else (), as_it_is.share)
 
@@ -102,7 +103,7 @@ def _changes(sample: Array, conversion: MapConversion | None, count: Count) -> t
             tried.append((text + coordinates.how_to_say(unit), count(back(sample * factor))))
         for swap, M in SWAPS.items():
             text = f"it seems to have {swap}: turned{after} it would be where the model is"
-            tried.append((text, count(back(sample @ M.T))))
+            tried.append((f"{text} (export it again with the model's axes)", count(back(sample @ M.T))))
     return max(tried, key=lambda one: one[1].weight)
 
 
@@ -121,7 +122,7 @@ def _apart(model: DesignModel, sample: Array, box_m: Array, share: float) -> tup
         )
         out.append(f"it is {far} from the model, and {why}")
     elif distance > 0:
-        out.append(f"it is {distance:.1f} m from the model's elements")
+        out.append(f"it is {distance:.1f} m from the model's elements (linear-ik align finds the motion between them)")
     elif share < LEAST_SHARE:
         out.append(f"it is around the model, but only {100 * share:.1f} % of its points are near an element")
     sizes = np.linalg.norm(high - low), np.linalg.norm(box_m[1] - box_m[0])

@@ -162,9 +162,13 @@ def test_strays_far_away_are_dropped_and_counted() -> None:
 
 def test_a_point_at_the_origin_of_the_map_does_not_stop_an_alignment() -> None:
     T = motion(2, 400_000.0)
-    found = align(frame(), np.concatenate([np.zeros((1, 3)), moved(scan_of(frame(), 2, bent=2), T)]))
+    lost = np.array([[0.0, 0.0, 0.0], [np.nan, 1.0, 2.0], [np.nan, np.nan, np.nan]])
+    found = align(frame(), np.concatenate([lost, moved(scan_of(frame(), 2, bent=2), T)]))
     assert found.status == "aligned" and error(found, T)[0] < 0.002
-    assert found.reasons == ("Points left out, more than 31 km from the others: 1.",)
+    assert found.reasons == (
+        "Points left out, more than 31 km from the others: 1.",
+        "Left out: 2 points without finite coordinates.",
+    )
 
 
 def test_voxels_grow_when_there_are_too_many() -> None:

@@ -11,8 +11,8 @@ from command import BEAM, folder, here, run
 
 import linear_ik
 from linear_ik.cli import main
-from linear_ik.exports.result_json import read_result
 from linear_ik.readers import read_scan
+from linear_ik.readers.result_json import read_result
 
 __all__ = ["folder", "here"]
 
@@ -138,6 +138,14 @@ def test_max_iterations_are_the_most(folder, tmp_path):
     assert main(["fit", f"{folder}/beam.yaml", f"{folder}/scan.ply", *options]) == 0
     result = read_result(tmp_path / "r.json")
     assert result.iterations <= 3 and result.status == "max_iterations"
+
+
+def test_points_without_coordinates_are_counted(folder, tmp_path, capfd):
+    points = read_scan(folder / "scan.ply").points
+    np.savetxt(tmp_path / "scan.xyz", np.insert(points, [1, 5], np.nan, axis=0))
+    options = ["--max-iterations", "3", "-o", f"{tmp_path}/r.json"]
+    assert main(["fit", f"{folder}/beam.yaml", f"{tmp_path}/scan.xyz", *options]) == 0
+    assert "\nleft out   2 points without finite coordinates\n" in capfd.readouterr().err
 
 
 def test_quiet_is_silent(folder, tmp_path, capfd):

@@ -7,7 +7,7 @@ import pytest
 from command import fit_to, folder
 
 from linear_ik.cli import main
-from linear_ik.exports.result_json import read_result
+from linear_ik.readers.result_json import read_result
 
 __all__ = ["folder"]
 

@@ -10,7 +10,7 @@ import pytest
 from command import fit_to, folder, run
 
 from linear_ik.cli.process import Outcome, Verb, stdout_aside
-from linear_ik.exports.result_json import read_result
+from linear_ik.readers.result_json import read_result
 
 __all__ = ["folder"]
 
@@ -29,7 +29,8 @@ main()
 """
 
 
-def test_ctrl_c_is_one_line_and_leaves_nothing(folder, tmp_path):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "kill"])
+def test_ctrl_c_is_one_line_and_leaves_nothing(folder, tmp_path, number, code):
     command = [
         sys.executable,
         "-c",
@@ -42,9 +43,9 @@ def test_ctrl_c_is_one_line_and_leaves_nothing(folder, tmp_path):
     ]
     process = subprocess.Popen([str(c) for c in command], stderr=subprocess.PIPE, stdout=subprocess.PIPE, text=True)
     assert process.stderr.readline() == "ready\n"
-    process.send_signal(signal.SIGINT)
+    process.send_signal(number)
     out, err = process.communicate(timeout=30)
-    assert (process.returncode, out, err) == (130, "", "interrupted\n")
+    assert (process.returncode, out, err) == (code, "", "interrupted\n")
     assert not list(tmp_path.iterdir())
 
 

@@ -6,7 +6,7 @@ import pytest
 from command import fit_to, folder, here
 
 from linear_ik.cli import main
-from linear_ik.exports.result_json import read_result
+from linear_ik.readers.result_json import read_result
 from linear_ik.tolerances import shipped
 
 __all__ = ["folder", "here"]

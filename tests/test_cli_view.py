@@ -12,7 +12,7 @@ from command import folder, here
 
 import linear_ik
 from linear_ik.cli import main
-from linear_ik.exports.result_json import read_result
+from linear_ik.readers.result_json import read_result
 
 __all__ = ["folder", "here"]
 

@@ -15,9 +15,10 @@ from linear_ik.deviation import deviations
 from linear_ik.deviation_bands import BAND_95, Bands, twist_rad
 from linear_ik.element import Element, Placement
 from linear_ik.errors import LinearIkError
-from linear_ik.exports.result_json import read_result, write_result
+from linear_ik.exports.result_json import write_result
 from linear_ik.model_fit.table import figures
 from linear_ik.profile import Circle, IShape
+from linear_ik.readers.result_json import read_result
 from linear_ik.result import FitResult
 from linear_ik.settings import FitSettings
 from linear_ik.simulate import simulate

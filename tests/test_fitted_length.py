@@ -18,7 +18,8 @@ from linear_ik.design_axis import polyline_length_m
 from linear_ik.deviation import deviations
 from linear_ik.deviation_bands import BAND_95
 from linear_ik.errors import ElementError
-from linear_ik.exports.result_json import ResultError, read_result, result_from_mapping, result_to_mapping, write_result
+from linear_ik.exports.result_json import result_to_mapping, write_result
+from linear_ik.readers.result_json import ResultError, read_result, result_from_mapping
 from linear_ik.scene import wall
 from linear_ik.virtual_scanner import scan_virtually
 

@@ -234,6 +234,8 @@ def test_an_element_whose_rival_is_gone_has_its_first_fit_again(tmp_path):
         return contents(folder)
 
     contested = run(both)
+    # One of them twice, which is still one.
+    assert json.loads((tmp_path / "out" / "run.json").read_text())["where"]["fitted_now"] == 2
     alone = run(replace(both, members=(b,)))
     name = f"elements/{b.guid}.json"
     assert alone[name]["status"] != contested[name]["status"] == "not_scanned"
@@ -279,6 +281,20 @@ def test_a_scan_of_something_else_finds_nothing(built, tmp_path):
     assert found.fitted == 0
     assert not (tmp_path / "deviation.ply").exists()
     assert "deviation.ply" not in found.files
+
+
+def test_points_without_coordinates_are_counted(built, tmp_path):
+    model = only(built.design, ABSENT)
+    points = linear_ik.read_scan(built.scan).points
+    np.savetxt(tmp_path / "scan.xyz", np.insert(points, [0, 7, len(points)], np.nan, axis=0))
+    for T in (None, np.eye(4)):
+        found = fit_model(
+            model, [tmp_path / "scan.xyz"], tmp_path / "out", options=ModelFitOptions(**HERE, T_model_scan=T)
+        )
+        report = json.loads((tmp_path / "out" / "run.json").read_text())
+        assert "left out of the scan: 3 points without finite coordinates" in found.notes
+        assert report["scan_points"]["left_out"] == 3
+        assert report["scan_points"]["points"] == len(points)
 
 
 def test_a_scan_in_other_coordinates_is_moved_into_the_models(built, done, tmp_path):
@@ -501,6 +517,16 @@ def test_an_element_without_a_chord_has_no_figures_against_it():
     assert values["max_offset_mm"] == "0.000"
     assert "bow_mm" not in values
     assert values["file"] == "elements/g.json"
+
+
+def test_the_table_has_a_measured_length_beside_the_designed_one(done):
+    found, folder = done
+    assert {row["measured_length_m"] for row in table(folder).values()} == {""}, "lengths were taken as known"
+    row = found.rows[0]
+    loose = replace(row.result.element, length_tolerance_m=0.03)
+    values = line(replace(row, result=replace(row.result, element=loose, length_m=2.0123, length_sd_m=0.0005)))
+    assert (values["length_m"], values["measured_length_m"]) == ("2.0000", "2.0123")
+    assert values["measured_length_band95_mm"] == "0.980"
 
 
 def test_a_long_elements_result_is_the_same_in_memory_and_from_its_file(tmp_path):

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import json
 import struct
+import time
 
 import numpy as np
 import pytest
@@ -13,7 +14,7 @@ from site_samples import GUIDS, only, site
 import linear_ik
 from linear_ik.errors import ScanError
 from linear_ik.model_fit import ModelFitOptions, fit_model
-from linear_ik.readers import iter_scan
+from linear_ik.readers import copc, iter_scan
 from linear_ik.site.handout import boxes_back
 
 CORNER = np.array([[[500000.0, 5e6, 100.0], [500005.0, 5e6 + 4, 106.0]]])
@@ -59,6 +60,17 @@ def test_what_is_in_the_boxes_is_read_and_little_else(octree, chunk_points):
     )
     assert len(found) < 0.4 * len(points)
     assert len(np.unique(found, axis=0)) == len(found)
+
+
+def test_chunks_that_follow_each_other_are_read_together_up_to_the_most():
+    runs = [copc.Run(offset, [(40, 10)]) for offset in (0, 10, 20, 40, 50)]
+    joined = copc.joined(runs, 100)
+    assert [(run.offset, run.points, run.bytes) for run in joined] == [(0, 80, 20), (20, 40, 10), (40, 80, 20)]
+    many = [copc.Run(10 * i, [(1, 10)]) for i in range(50_000)]
+    began = time.process_time()
+    assert [run.points for run in copc.joined(many, 10**9)] == [50_000]
+    # Counted through again for each chunk it took half a minute.
+    assert time.process_time() - began < 2.0
 
 
 def test_far_from_everything_a_sample_says_where_the_scan_is(octree):

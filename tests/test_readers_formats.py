@@ -6,7 +6,7 @@ import numpy as np
 import pytest
 from test_readers_files import WRITERS, cloud, las, pcd_float, pcd_open3d, ply, written, xyz
 
-from linear_ik.readers import read_scan
+from linear_ik.readers import iter_scan, read_scan
 
 __all__ = ["written"]
 pytestmark = pytest.mark.filterwarnings("error")
@@ -149,3 +149,15 @@ def test_rows_that_are_no_points_are_dropped(tmp_path):
     for name in ("little.ply", "binary.pcd", "compressed.pcd", "blanks.xyz", "commas.csv", "count.pts"):
         WRITERS[name](tmp_path / name, points)
         np.testing.assert_allclose(read_scan(tmp_path / name).points, left, rtol=0, atol=1e-6)
+        assert read_scan(tmp_path / name).left_out == 2
+
+
+@pytest.mark.parametrize("rows", [[0, 1, 2], [3, 4, 5], [0, 2, 3, 5], [0, 1, 2, 3, 4]], ids=str)
+def test_points_that_are_left_out_are_counted_wherever_they_stand(tmp_path, rows):
+    points = cloud(6)
+    points[rows] = np.nan
+    WRITERS["blanks.xyz"](tmp_path / "a.xyz", points)
+    for size in (1, 2, 250_000):
+        pieces = list(iter_scan(tmp_path / "a.xyz", size))
+        assert sum(piece.left_out for piece in pieces) == len(rows)
+        np.testing.assert_allclose(np.concatenate([p.points for p in pieces]), np.delete(points, rows, axis=0))

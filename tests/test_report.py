@@ -21,8 +21,9 @@ from posed import BEAM, COLUMN, H, bent, posed
 import linear_ik
 from linear_ik.element import Element, Placement
 from linear_ik.errors import SettingsError, ToleranceError
-from linear_ik.exports.result_json import ResultError, write_result
+from linear_ik.exports.result_json import write_result
 from linear_ik.profile import CircleHollow, IShape
+from linear_ik.readers.result_json import ResultError
 from linear_ik.report import Run, judged_member, nearby, read_run, render, write_report
 from linear_ik.report.cloud import Cloud, T_world_segments
 from linear_ik.report.svg import TOP, curve_plot, section_plot

@@ -6,17 +6,9 @@ import numpy as np
 import pytest
 
 from linear_ik.element import Element, Placement
-from linear_ik.exports.result_json import (
-    SCHEMA,
-    ResultError,
-    read_result,
-    result_from_mapping,
-    result_to_json,
-    result_to_mapping,
-    with_short_history,
-    write_result,
-)
+from linear_ik.exports.result_json import result_to_json, result_to_mapping, with_short_history, write_result
 from linear_ik.profile import IShape
+from linear_ik.readers.result_json import SCHEMA, ResultError, read_result, result_from_mapping
 from linear_ik.result import FitResult, IterationRecord, SegmentResult
 from linear_ik.settings import FitSettings
 

@@ -15,6 +15,8 @@ def test_points_that_are_none_are_dropped_with_all_that_belongs_to_them():
     np.testing.assert_array_equal(scan.points, points[[0, 3]])
     np.testing.assert_array_equal(scan.normals, np.eye(4, 3)[[0, 3]])
     np.testing.assert_array_equal(scan.station_index, [0, 1])
+    assert scan.left_out == 2
+    assert merge([scan, Scan(points)]).left_out == 4
 
 
 def test_lists_and_single_precision_become_double():

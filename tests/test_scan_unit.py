@@ -71,6 +71,13 @@ def test_what_the_columns_say_must_be_what_the_person_says(tmp_path):
         "# x y z (mm)",
         "# x y z\n# x [ millimetres ] y [ millimetres ] z [ millimetres ]",
         "# X [mm], Y [mm], Z [mm]\nx y z",
+        "# x_mm y_mm z_mm",
+        "x_mm y_mm z_mm",
+        "# X_mm;Y_mm;Z_mm;intensity",
+        "# units: mm",
+        "// Unit = millimetres",
+        "# unit of length is mm",
+        "# coordinates are given in millimetres\nx y z",
     ],
 )
 def test_a_unit_counts_wherever_it_is_named(tmp_path, comment):
@@ -79,6 +86,22 @@ def test_a_unit_counts_wherever_it_is_named(tmp_path, comment):
     with pytest.raises(ScanError, match="--scan-unit mm"):
         linear_ik.read_scan(path)
     np.testing.assert_allclose(linear_ik.read_scan(path, unit="mm").points, [[1, 2, 3]])
+
+
+@pytest.mark.parametrize("comment", ["# units: m", "# unit is in metres", "# x_m y_m z_m", "# points in m"])
+def test_metres_are_what_is_expected(tmp_path, comment):
+    path = tmp_path / "a.xyz"
+    path.write_text(f"{comment}\n1 2 3\n")
+    np.testing.assert_array_equal(linear_ik.read_scan(path).points, [[1, 2, 3]])
+    with pytest.raises(ScanError, match="in m, not mm"):
+        linear_ik.read_scan(path, unit="mm")
+
+
+def test_a_comment_and_columns_that_contradict_each_other(tmp_path):
+    path = tmp_path / "a.csv"
+    path.write_text("# units: mm\nx[m],y[m],z[m]\n1,2,3\n")
+    with pytest.raises(ScanError, match="in m and mm"):
+        linear_ik.read_scan(path)
 
 
 def test_columns_and_units_that_stand_apart(tmp_path):
@@ -94,7 +117,16 @@ def test_columns_and_units_that_stand_apart(tmp_path):
 
 
 @pytest.mark.parametrize(
-    "comment", ["# x y z (local)", "# x (easting) y (northing) z (height)", "# x [m] y [m] z [m]", "# x, y, z (see 1)"]
+    "comment",
+    [
+        "# x y z (local)",
+        "# x (easting) y (northing) z (height)",
+        "# x [m] y [m] z [m]",
+        "# x, y, z (see 1)",
+        "# unit: LeicaP40",
+        "# units in the scan: 3",
+        "# points in file: 1",
+    ],
 )
 def test_remarks_in_brackets_are_no_units(tmp_path, comment):
     path = tmp_path / "a.xyz"

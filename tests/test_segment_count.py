@@ -15,7 +15,8 @@ from linear_ik import Circle, Element, ModelFitOptions, Rectangle, Scan, simulat
 from linear_ik.cli.summary import chosen_count
 from linear_ik.element_file import element_from_mapping, element_to_mapping
 from linear_ik.errors import ElementError, SettingsError
-from linear_ik.exports.result_json import ResultError, read_result, result_from_mapping, result_to_mapping, write_result
+from linear_ik.exports.result_json import result_to_mapping, write_result
+from linear_ik.readers.result_json import ResultError, read_result, result_from_mapping
 from linear_ik.result import SegmentCount
 from linear_ik.segment_count import candidates
 

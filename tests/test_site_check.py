@@ -81,11 +81,12 @@ def test_a_scan_in_place(site, tmp_path, capsys):
 
 
 def test_it_says_so_in_words(site, tmp_path, capsys):
-    write_scan(Scan(site[3]), tmp_path / "scan.ply")
-    assert main(["check", str(site[1]), str(tmp_path / "scan.ply")]) == 0
+    np.savetxt(tmp_path / "scan.xyz", np.insert(site[3], 5, np.nan, axis=0))
+    assert main(["check", str(site[1]), str(tmp_path / "scan.xyz")]) == 0
     out = capsys.readouterr().out
     for said in (
-        f"scan       scan.ply: {len(site[3]):,} points, stations unknown",
+        f"scan       scan.xyz: {len(site[3]):,} points, stations unknown",
+        "left out   1 point without finite coordinates",
         "place      in the model's coordinates",
         "overlap    3 of 4 elements are covered",
         "not seen   C2 HEB200: ",
@@ -115,10 +116,13 @@ SWAPPED = [0, 2, 1]
         (lambda p: p / FEET, "it seems to be in feet: times 0.3048 it would be where the model is"),
         (lambda p: p / 0.0254, "it seems to be in inches"),
         (lambda p: p / 1000, "it seems to be in metres taken for millimetres"),
-        (lambda p: p[:, SWAPPED], "it seems to have y and z swapped"),
+        (
+            lambda p: p[:, SWAPPED],
+            "it seems to have y and z swapped: turned it would be where the model is (export it again",
+        ),
         (lambda p: p[:, SWAPPED] * [1, 1, -1], "it seems to have y up instead of z"),
         (lambda p: p + [700000.0, 6000000.0, 0], "from the model, and its map conversion doesn't lead there"),
-        (lambda p: p + [300.0, 0, 0], "m from the model's elements"),
+        (lambda p: p + [300.0, 0, 0], "m from the model's elements (linear-ik align"),
     ],
 )
 def test_what_keeps_the_two_apart(change, said, site, tmp_path, capsys):

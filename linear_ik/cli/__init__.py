@@ -16,8 +16,16 @@ def main(arguments: Sequence[str] | None = None) -> int:
         arguments: those after the program's name. When None, those of the process, which
             then ends here.
     """
+    ended_by: list[int] = []
     if arguments is None:
         _open_streams()
+
+        def on_term(number: int, _frame: object) -> None:
+            # A batch system's end is as orderly as Ctrl-C: temporary files go, worker processes end.
+            ended_by.append(128 + number)
+            raise KeyboardInterrupt
+
+        signal.signal(signal.SIGTERM, on_term)
     try:
         # Not at the top: an impatient Ctrl-C comes while typer is being imported.
         from linear_ik.cli.app import run
@@ -25,7 +33,7 @@ def main(arguments: Sequence[str] | None = None) -> int:
         code = run(sys.argv[1:] if arguments is None else list(arguments))
     except KeyboardInterrupt:
         print("interrupted", file=sys.stderr)
-        code = 130
+        code = ended_by[0] if ended_by else 130
     if arguments is None:
         _end(code)
     return code
@@ -43,6 +51,7 @@ def _open_streams() -> None:
 def _end(code: int) -> None:
     """End the process without the libraries' destructors, which print and take 0.2 s."""
     signal.signal(signal.SIGINT, signal.SIG_IGN)
+    signal.signal(signal.SIGTERM, signal.SIG_IGN)
     atexit._run_exitfuncs()
     sys.stderr.flush()
     os._exit(code)

@@ -12,6 +12,7 @@ from typing import TYPE_CHECKING, Any
 import numpy as np
 
 from linear_ik.design_model import DesignModel, LeftOut, Member
+from linear_ik.scan import no_points
 
 if TYPE_CHECKING:
     from linear_ik.site_check import Coverage, ScanCheck
@@ -53,6 +54,8 @@ def scan_lines(check: ScanCheck) -> list[str]:
         stations = f"{check.stations} station{'s' if check.stations > 1 else ''}"
     near = int(check.near.sum())
     lines = ["", _line("scan", f"{check.name}: {check.points:,} points, {stations}")]
+    if check.left_out:
+        lines.append(_line("left out", no_points(check.left_out)))
     lines.append(_line("extent", _box(check.low_m, check.high_m)))
     lines += [_line("WARNING" if check.finding.place != "map" else "place", text) for text in check.finding.sentences]
     if check.finding.place == "model" and not check.finding.sentences:
@@ -201,6 +204,7 @@ def _scan(check: ScanCheck) -> dict[str, Any]:
     return {
         "file": check.name,
         "points": check.points,
+        "points_left_out": check.left_out,
         "extent_m": [check.low_m.tolist(), check.high_m.tolist()],
         "stations": check.stations,
         "place": check.finding.place,

@@ -1,9 +1,7 @@
-"""`linear-ik fit`: the main job."""
+"""`linear-ik fit`: the main job, of one element (`cli.fit_element`) or of a model (`cli.fit_model`)."""
 
 from __future__ import annotations
 
-import sys
-from collections.abc import Callable
 from pathlib import Path
 from typing import TYPE_CHECKING, Annotated, Literal
 
@@ -11,28 +9,18 @@ import typer
 
 from linear_ik.cli.arguments import file_argument, file_option, unit_option
 from linear_ik.cli.judging import (
-    describe_verdicts,
-    judge,
     judged_by,
     loading_state_option,
     material_option,
     precamber_option,
     supports_option,
     tolerances_option,
-    verdicts_of,
 )
-from linear_ik.cli.outputs import check_output, is_stdout
-from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
-from linear_ik.cli.progress import Progress
-from linear_ik.errors import ElementError, LinearIkError, SettingsError
+from linear_ik.cli.process import Outcome, Verb, about_options
+from linear_ik.errors import LinearIkError, SettingsError
 
 if TYPE_CHECKING:
-    from linear_ik.element import Element
-    from linear_ik.result import FitResult, IterationRecord
-    from linear_ik.scan import Scan
     from linear_ik.settings import FitSettings
-    from linear_ik.tolerances import Verdict
-    from linear_ik.viewer import Viewer
 
 EXAMPLE = """Example: two files of one scan, the result, and the bent member for other programs; then a whole building
 
@@ -149,10 +137,10 @@ def fit(
         str | None, typer.Option("--scheduler", metavar="tcp://HOST:8786", help="A Dask cluster in place of them.")
     ] = None,
 ) -> Outcome:
-    """Check everything, read, fit, write, and say what was found."""
+    """Tell an element from a model, and hand over what was asked for."""
+    from linear_ik.cli.fit_element import Wanted, fit_one
     from linear_ik.cli.fit_model import fit_building, is_model, refuse
 
-    inputs = [element, *scan]
     for_models: dict[str, object] = {
         "only": None if only is None else tuple(guid.strip() for guid in only.split(",") if guid.strip()),
         "classes": None if classes is None else tuple(classes),
@@ -187,70 +175,11 @@ def fit(
         for_models["segments"] = None if segments is None else _segments(segments)
         return fit_building(element, scan, output, settings, quiet, transform, inverse, for_models)
     refuse("is for design models", "not with one element", transform=transform, inverse=inverse or None, **for_models)
-    if smooth and glb is None:
-        raise LinearIkError("--smooth", "given without --glb", "both")
-    if pairs and not view:
-        raise LinearIkError("--pairs", "given without --view", "both")
-    to_stdout = is_stdout(output)
-    target = output if to_stdout else check_output(output, inputs)
-    urdf_target = check_output(urdf, inputs, [output]) if urdf else None
-    if urdf is not None:
-        from linear_ik.exports.fitted_urdf import joints_path
-
-        check_output(joints_path(urdf), inputs, [output, urdf, *([glb] if glb else [])])
-    glb_target = check_output(glb, inputs, [output, *([urdf] if urdf else [])]) if glb else None
-    others = [output, *(path for path in (urdf, glb) if path is not None)]
-    record_target = check_output(record, inputs, others) if record else None
-
     settings = _settings(method, search, solver, range_noise, max_iterations, outlier_removal, systematic_error)
-
-    profile, known = judged_by(tolerances, loading_state, precamber, supports, material)
-
-    from linear_ik.element_file import load_element
-
-    design = load_element(element)
-    if segments is not None:
-        design = _with_segments(design, _segments(segments))
-    progress = Progress(quiet)
-    with progress.stage("reading " + ", ".join(str(path) for path in scan), judges_input=True):
-        from linear_ik.readers import read_scan
-
-        points = read_scan(*scan, unit=scan_unit)
-    viewer = _open_viewer(design, points, wait, pairs) if view else None
-
-    with progress.stage(f"fitting {design.name}"):
-        from linear_ik.fit import fit as fit_element
-
-        try:
-            result = fit_element(design, points, settings, _listener(progress, viewer, quiet))
-        except SettingsError as error:
-            raise about_options(error) from None
-    with progress.stage("writing"):
-        _write_bodies(result, urdf_target, glb_target, smooth)
-        from linear_ik.exports.result_json import result_to_json, write_result
-
-        judged = judge(result, profile, known)
-        extra = verdicts_of(judged)
-        text = result_to_json(result, extra) if to_stdout else ""
-        if not to_stdout:
-            write_result(result, target, extra)
-    if record_target is not None:
-        with progress.stage(f"recording {record}"):
-            from linear_ik.viewer import Viewer
-
-            recorded = Viewer(design.name)
-            recorded.show_result(result, points)
-            recorded.static_html(record_target)
-    if not quiet:
-        bodies = [] if result.status == "not_scanned" else [urdf, glb]
-        written = [path for path in (output, *bodies, record) if path is not None and not is_stdout(path)]
-        _summarise(result, judged, written, smooth)
-    if viewer is not None:
-        from linear_ik.cli.view import stay
-
-        viewer.show_result(result, points)
-        stay(viewer, wait)
-    return Outcome(NOT_SCANNED if result.status == "not_scanned" else 0, text)
+    count = None if segments is None else _segments(segments)
+    wanted = Wanted(output, urdf, glb, smooth, record, view, pairs, wait, quiet)
+    judges = judged_by(tolerances, loading_state, precamber, supports, material)
+    return fit_one(element, scan, wanted, settings, count, scan_unit, judges)
 
 
 def _settings(
@@ -291,71 +220,3 @@ def _segments(text: str) -> int | Literal["auto"]:
         return int(text)
     except ValueError:
         raise LinearIkError("--segments", repr(text), "a whole number, or auto") from None
-
-
-def _with_segments(design: Element, segments: int | Literal["auto"]) -> Element:
-    from dataclasses import replace
-
-    from linear_ik.element import SEGMENTS
-
-    try:
-        if segments == "auto":
-            return replace(design, segments=SEGMENTS, auto_segments=True)
-        return replace(design, segments=segments, auto_segments=False)
-    except ElementError as error:
-        raise error.about("--segments") if error.subject == "segments" else error from None
-
-
-def _open_viewer(design: Element, points: Scan, wait: bool, pairs: bool) -> Viewer:
-    from linear_ik.cli.view import open_browser
-    from linear_ik.viewer import Viewer
-
-    viewer = Viewer(design.name)
-    viewer.show_design(design)
-    viewer.show_scan(points)
-    viewer.follow_pairs(pairs)
-    watched = open_browser(viewer, None, wait)
-    # Beside the fit in any case; nobody is kept waiting where no browser came by itself.
-    viewer.slow_down() if watched else viewer.slow_down(0.0, 0.0)
-    return viewer
-
-
-def _listener(progress: Progress, viewer: Viewer | None, quiet: bool) -> Callable[[IterationRecord], None] | None:
-    """Return what is called after each iteration, or None where nobody looks."""
-    if viewer is None and (quiet or not sys.stderr.isatty()):
-        return None
-
-    def on_iteration(record: IterationRecord) -> None:
-        rms = 1000 * record.surface_rmse_m
-        progress.update(f"fitting: iteration {record.iteration}, {record.phase}, {rms:.2f} mm rms")
-        if viewer is not None:
-            viewer.on_iteration(record)
-
-    return on_iteration
-
-
-def _write_bodies(result: FitResult, urdf: Path | None, glb: Path | None, smooth: bool) -> None:
-    # An element that was not found has no shape to export.
-    if result.status == "not_scanned":
-        return
-    if urdf is not None:
-        from linear_ik.exports.fitted_urdf import write_fitted_urdf
-
-        write_fitted_urdf(result.fitted_element, result.q, result.base_pose, urdf)
-    if glb is not None and smooth:
-        from linear_ik.exports.glb import write_smooth_glb
-
-        write_smooth_glb(result, glb)
-    elif glb is not None:
-        from linear_ik.exports.glb import write_glb
-
-        write_glb(result.fitted_element, result.q, result.base_pose, glb)
-
-
-def _summarise(result: FitResult, judged: tuple[Verdict, ...], files: list[Path], smooth: bool) -> None:
-    from linear_ik.cli.summary import corners, describe
-
-    last = [f"{'written':<11}{', '.join(str(path) for path in files)}"] if files else []
-    kept = corners(result) if smooth else []
-    for line in [*describe(result), *describe_verdicts(judged), *kept, *last]:
-        print(line, file=sys.stderr)

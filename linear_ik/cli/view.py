@@ -59,7 +59,7 @@ def view(
     progress = Progress()
     with progress.stage("reading", judges_input=True):
         from linear_ik.element_file import load_element
-        from linear_ik.exports.result_json import read_result
+        from linear_ik.readers.result_json import read_result
 
         result = read_result(kinds["result"][0]) if kinds["result"] else None
         element = load_element(kinds["element"][0]) if kinds["element"] else None

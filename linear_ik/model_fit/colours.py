@@ -18,7 +18,8 @@ import numpy.typing as npt
 
 from linear_ik.atomic import written_whole
 from linear_ik.exports.coloured_cloud import CloudFile, LazCloud, PlyCloud, colours_of, laz_can_be_written
-from linear_ik.model_fit.fits import Fits, Listener, Pieces
+from linear_ik.model_fit.fits import Fits
+from linear_ik.model_fit.handed_out import Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.result import FitResult
 from linear_ik.scan import Scan
@@ -67,7 +68,7 @@ def colour_scan(
         listener: told how many points are done.
     """
     earlier = _earlier(folder, inputs)
-    if fits.fitted_now == 0 and earlier is not None:
+    if not fits.fitted_now and earlier is not None:
         return earlier
     found = {i: r for i, r in enumerate(row.result for row in fits.rows) if r is not None and r.status != "not_scanned"}
     out = Coloured()

@@ -3,37 +3,29 @@
 from __future__ import annotations
 
 import hashlib
-import json
 import time
-from collections.abc import Callable, Iterable, Iterator
+from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.atomic import write_atomically
 from linear_ik.design_model import Member
 from linear_ik.element_file import element_to_mapping
 from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.folder import Facts, RunFolder, fingerprint, light
+from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces, hand_out_once
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.pool import Pool
 from linear_ik.model_fit.tasks import Outcome, Task
 from linear_ik.result import FitResult
-from linear_ik.scan import Scan
 from linear_ik.settings import FitSettings
 from linear_ik.site.contest import Claimant
-from linear_ik.site.handout import hand_out
 from linear_ik.site.neighbourhood import Neighbourhoods, boxes_of
 from linear_ik.site.obstacles import Mesh, ObstacleField
-from linear_ik.site.spill import Spill
 
 Array = npt.NDArray[np.float64]
-Listener = Callable[[str, int, int, float], object]
-"""Called with the stage, how much of it is done, of how much (0: unknown), and the seconds it may still take (NaN)."""
-Pieces = Callable[[Array], Iterable[Scan]]
-"""Gives the scan in the model's coordinates; what is in none of some boxes [B][2][3] may be left out."""
 
 RIVAL_REACH_M = 0.05
 NAN = float("nan")
@@ -69,7 +61,7 @@ class Fits:
     Attributes:
         members: in the design's order.
         inputs: by GlobalId, the fingerprint of what the element's first fit hangs on.
-        fitted_now: how many fits this run made.
+        fitted_now: GlobalIds of the elements that this run fitted, once or, after a contest, twice.
         extent: what was read of the scan.
     """
 
@@ -100,10 +92,9 @@ class Fits:
         self._results: dict[str, FitResult] = {}
         self._facts: dict[str, Facts] = {member.guid: {} for member in members}
         self._failures: dict[str, str] = {}
-        self.fitted_now = 0
+        self.fitted_now: set[str] = set()
         self.extent: dict[str, Any] = {}
-        self._spill: Spill | None = None
-        self._stations: Array | None = None
+        self._points: HandedOut | None = None
         self._neighbourhoods: Neighbourhoods | None = None
 
     @property
@@ -141,7 +132,10 @@ class Fits:
         if all(m.guid in self._results for m in self.members) and not self._open_contests():
             self.extent = self.folder.scan_extent(self._scan_inputs)
             return
-        self._hand_out(pieces, listener)
+        self._points = hand_out_once(
+            pieces, self.neighbourhoods, len(self.members), self.folder, self._handout_inputs, self.options, listener
+        )
+        self.extent = self._points.extent
         self.folder.keep_scan_extent(self._scan_inputs, self.extent)
 
     def take_over(self) -> None:
@@ -209,21 +203,18 @@ class Fits:
             listener(stage, 0, count, NAN)
         for outcome in pool.run(tasks):
             done += 1
-            self.fitted_now += outcome.result is not None
+            if outcome.result is not None:
+                self.fitted_now.add(outcome.guid)
             yield outcome
             listener(stage, done, count, (time.perf_counter() - began) / done * (count - done))
 
     def _task(self, i: int) -> Task:
-        assert self._spill is not None
-        records, member = self._spill.load(i), self.members[i]
-        points, station = np.ascontiguousarray(records["xyz"]), records["station"].astype(np.int32)
-        stations = self._stations if len(points) and self._stations is not None and station.min() >= 0 else None
+        assert self._points is not None
+        member = self.members[i]
         return Task(
             member.guid,
             member.element,
-            points,
-            stations,
-            None if stations is None else station,
+            *self._points.of(i),
             self.settings,
             self._obstacles(i),
             self._reach[i],
@@ -233,8 +224,8 @@ class Fits:
         return self._field.near(boxes_of(self.members[i].element, self._reach[i]))
 
     def _received(self, guid: str) -> int:
-        assert self._spill is not None
-        return int(self._spill.received[self._index[guid]])
+        assert self._points is not None
+        return int(self._points.received[self._index[guid]])
 
     def _rivals(self) -> dict[int, list[int]]:
         """Return for each member that has points and a result those that were found and may touch it."""
@@ -258,36 +249,6 @@ class Fits:
     def _open_contests(self) -> bool:
         inputs = self._contest_inputs()
         return not all(self.folder.has(self.members[i].guid, "final", fp) for i, fp in inputs.items())
-
-    def _hand_out(self, pieces: Pieces, listener: Listener) -> None:
-        """Hand out the scan, unless an earlier run came to the end of that."""
-        note = self.folder.scratch / "complete.json"
-        memory = int(self.options.memory_mb * 2**20 / 2)
-        try:
-            done = json.loads(note.read_text(encoding="utf-8"))
-        except (OSError, ValueError):
-            done = {}
-        if done.get("inputs") != self._handout_inputs:
-            spill = Spill(self.folder.new_scratch(), len(self.members), self.options.max_points, memory)
-            near, hoods = pieces(self.neighbourhoods.bounds_m), self.neighbourhoods
-            extent = hand_out(near, hoods, spill, lambda points: listener("handing out points", points, 0, NAN))
-            done = {
-                "inputs": self._handout_inputs,
-                "received": spill.received.tolist(),
-                "stations": extent.stations,
-                "extent": {
-                    "points": extent.points,
-                    "in_a_neighbourhood": extent.handed_out,
-                    "low_m": extent.low_m.tolist(),
-                    "high_m": extent.high_m.tolist(),
-                },
-            }
-            write_atomically(note, json.dumps(done) + "\n")
-        else:
-            spill = Spill(self.folder.scratch, len(self.members), self.options.max_points, memory)
-            spill.received[:] = done["received"]
-        self._spill, self.extent = spill, done["extent"]
-        self._stations = np.array(done["stations"]) if done["stations"] else None
 
 
 def _own_points(facts: Facts) -> int:

@@ -20,7 +20,8 @@ from typing import Any, TextIO
 
 from linear_ik.atomic import write_atomically
 from linear_ik.errors import LinearIkError, OutputError
-from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, read_result, with_short_history, write_result
+from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, with_short_history, write_result
+from linear_ik.readers.result_json import read_result
 from linear_ik.result import FitResult
 
 SAFE = re.compile(r"[0-9A-Za-z_$-]{1,64}\Z")

@@ -18,8 +18,9 @@ from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
-from linear_ik.model_fit.fits import Fits, Listener, Pieces, Row
+from linear_ik.model_fit.fits import Fits, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
+from linear_ik.model_fit.handed_out import Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import scan_to_model, why_nothing
@@ -27,7 +28,7 @@ from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
-from linear_ik.scan import Scan
+from linear_ik.scan import Scan, no_points
 from linear_ik.settings import FitSettings
 from linear_ik.site.handout import boxes_back, moved
 
@@ -186,6 +187,8 @@ def _write(
     files, notes = [TABLE], list(model.notes)
     if fits.extent and not fits.extent["in_a_neighbourhood"]:
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
+    if fits.extent.get("left_out"):
+        notes.append(f"left out of the scan: {no_points(fits.extent['left_out'])}")
     write_table(rows, folder / TABLE)
     shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
     coloured = colour_scan(pieces, fits, folder, options, fingerprint(fits.inputs, options.legend_m, shapes), listener)
@@ -213,7 +216,7 @@ def _write(
         },
         "deviation": coloured.legend,
         "scan_points": fits.extent,
-        "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": fits.fitted_now},
+        "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": len(fits.fitted_now)},
         "versions": versions(),
     }
     return ModelFit(tuple(rows), folder, counts, (*files, REPORT), tuple(notes)), report

@@ -21,7 +21,6 @@ from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
 
-# Two-sided 95 % of a normal distribution.
 COLUMNS = (
     "guid",
     "ifc_class",
@@ -44,6 +43,8 @@ COLUMNS = (
     "end_offset_band95_mm",
     "along_axis_mm",
     "along_axis_band95_mm",
+    "measured_length_m",
+    "measured_length_band95_mm",
     "bow_mm",
     "bow_band95_mm",
     "sag_mm",
@@ -61,9 +62,10 @@ COLUMNS = (
 def write_table(rows: Sequence[Row], path: Path) -> None:
     """Write the table as CSV (RFC 4180, UTF-8).
 
-    Offsets are across the designed axis, of the nodes; the shift along it stands apart,
-    because surfaces hardly show it. Bow, sag (downwards) and sweep (sideways) are offsets from
-    the chord between the ends, see `deviation`.
+    Offsets are across the designed axis, of the nodes; the shift along it stands apart, because
+    surfaces hardly show it. ``length_m`` is the designed length; the measured one is empty unless
+    the element has a ``length_tolerance_m`` and the scan tells its length. Bow, sag (downwards)
+    and sweep (sideways) are offsets from the chord between the ends, see `deviation`.
 
     Raises:
         OutputError: it cannot be written.
@@ -99,6 +101,7 @@ def line(row: Row) -> dict[str, object]:
     values["measured_share"] = f"{measured / len(result.segments):.2f}"
     if result.status != "not_scanned":
         values |= {name: _number(value) for name, value in figures(result).items()}
+        values |= _measured_length(result)
     return values
 
 
@@ -131,6 +134,13 @@ def figures(result: FitResult) -> dict[str, float]:
         "surface_rmse_mm": 1e3 * result.surface_rmse_m,
         "range_noise_mm": 1e3 * result.range_noise_m,
     }
+
+
+def _measured_length(result: FitResult) -> dict[str, str]:
+    if result.length_m is None or result.length_sd_m is None:
+        return {}
+    band_mm = 1e3 * BAND_95 * result.length_sd_m
+    return {"measured_length_m": f"{result.length_m:.4f}", "measured_length_band95_mm": _number(band_mm)}
 
 
 def _shape(result: FitResult) -> dict[str, float]:

@@ -1,4 +1,4 @@
-"""Scan files in: one module a format, read piece by piece in double precision."""
+"""Files in: scans, one module a format, read piece by piece in double precision; and results."""
 
 from linear_ik.readers.registry import CHUNK_POINTS, READERS, iter_scan, read_scan
 

@@ -39,10 +39,10 @@ The path is a readable file that isn't empty. A reader raises ScanError about th
 
 
 def posed(local: Array, R: Array, t: Array) -> Array:
-    """Return points [P][3] of a scanner's frame in global coordinates, R p + t; without those that are none."""
-    x, y, z = local[np.isfinite(local).all(axis=1)].T
-    # Damaged files hold numbers whose products overflow: they become no points. By columns,
-    # because a product of three columns is over before BLAS has woken its threads.
+    """Return points [P][3] of a scanner's frame in global coordinates, R p + t."""
+    x, y, z = local.T
+    # What is no number stays none. Damaged files hold numbers whose products overflow: they
+    # become no points. By columns, because a product of three columns is over before BLAS has woken its threads.
     with np.errstate(over="ignore", invalid="ignore"):
         return np.column_stack([R[i, 0] * x + R[i, 1] * y + R[i, 2] * z + t[i] for i in range(3)])
 

@@ -92,13 +92,23 @@ def runs_within(
     wanted = nodes["level"] == nodes["level"].min(initial=DEEPEST)
     for box in within:
         wanted |= ((low <= box[1]) & (high >= box[0])).all(axis=1)
+    return joined([runs[i] for i in np.flatnonzero(wanted)], most)
+
+
+def joined(runs: Sequence[Run], most: int) -> list[Run]:
+    """Return runs of one chunk each with those put together that follow each other, up to ``most`` points."""
     out: list[Run] = []
-    for i in np.flatnonzero(wanted):
-        run, last = runs[i], out[-1] if out else None
-        if last is not None and last.offset + last.bytes == run.offset and last.points + run.points <= most:
-            last.chunks.extend(run.chunks)
+    # Running sums: a run of a million small chunks is not counted through again for each of them.
+    end, held = -1, 0
+    for run in runs:
+        (points, size) = run.chunks[0]
+        if run.offset == end and held + points <= most:
+            out[-1].chunks.append((points, size))
+            held += points
         else:
-            out.append(run)
+            out.append(Run(run.offset, [(points, size)]))
+            held = points
+        end = run.offset + size
     return out
 
 

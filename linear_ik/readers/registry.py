@@ -10,6 +10,7 @@ import difflib
 import os
 import stat
 from collections.abc import Iterator
+from dataclasses import replace
 from functools import partial
 from pathlib import Path
 
@@ -59,7 +60,7 @@ def read_scan(*paths: str | os.PathLike[str], unit: str = "m") -> Scan:
 
     Returns:
         All finite points in metres, in the files' global coordinates; stations where every file
-        has them, normals likewise.
+        has them, normals likewise; ``left_out`` says how many points had no finite coordinates.
 
     Raises:
         ScanError: about the file that is missing, unknown, damaged, without points or in another unit, as it says.
@@ -137,7 +138,8 @@ def _near(path: Path) -> str:
 
 
 def _scans(path: Path, reader: Reader, chunk_points: int, unit: str) -> Iterator[Scan]:
-    any_points = False
+    # One piece is kept back: points that are none may follow the last one that has any.
+    kept, left_out = None, 0
     try:
         for chunk in reader(path, chunk_points):
             if chunk.unit and chunk.unit != unit:
@@ -145,16 +147,21 @@ def _scans(path: Path, reader: Reader, chunk_points: int, unit: str) -> Iterator
                 what = "it says that it is not in metres" if unit == "m" else "it says that it is in another unit"
                 raise ScanError(path, f"{what}: its columns are in {chunk.unit}{meant}", f"--scan-unit {chunk.unit}")
             for first in range(0, len(chunk.points), chunk_points):
-                scan = _scan(chunk, slice(first, first + chunk_points), metres_of(unit))
-                if scan is not None:
-                    any_points = True
-                    yield scan
+                rows = slice(first, first + chunk_points)
+                scan = _scan(chunk, rows, metres_of(unit))
+                left_out += len(chunk.points[rows]) - (0 if scan is None else len(scan))
+                if scan is None:
+                    continue
+                if kept is not None:
+                    yield kept
+                kept, left_out = replace(scan, left_out=left_out) if left_out else scan, 0
     except OSError as error:
         raise ScanError(path, f"cannot be read: {error.strerror or error}", "a readable file") from error
     except ScanError as error:
         raise error if error.subject == str(path) else error.about(path) from None
-    if not any_points:
+    if kept is None:
         raise ScanError(path, "no point with finite coordinates", "at least one")
+    yield replace(kept, left_out=kept.left_out + left_out) if left_out else kept
 
 
 def _scan(chunk: Chunk, rows: slice, unit_m: float) -> Scan | None:

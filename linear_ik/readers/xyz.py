@@ -28,9 +28,17 @@ NAMES = (
     ("e", "n", "z"),
     ("points:0", "points:1", "points:2"),
 )
-AFFIX = re.compile(r"^(?:pos|position|coord|coordinate|point)[ _.]|[ _](?:m|pos|coord|coordinate)$")
+AFFIX = re.compile(r"^(?:pos|position|coord|coordinate|point)[ _.]|[ _](?:pos|coord|coordinate)$")
 UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
 APART = re.compile(r"\s*" + UNIT.pattern)
+# x_mm is x[mm].
+TAIL = re.compile(r"(?<=\w)[ _](m|mm|cm|ft|in|us-?ft|inch|feet)$")
+# A comment that is about the unit of all numbers: "units: mm", "coordinates in feet".
+STATED = re.compile(
+    r"(?i)\b(?:units?(?:\s+of\s+\w+)?(?:\s*(?:[:=]|is\b|are\b|in\b))+"
+    r"|(?:coordinates|coords|points|values|numbers|xyz)\s+(?:are\s+)?(?:given\s+)?in)"
+    r"\s*[\[(\"']?(us survey feet|[a-z-]+)"
+)
 NAMED = {
     "m": ("m", "metre", "metres", "meter", "meters"),
     "mm": ("mm", "millimetre", "millimetres", "millimeter", "millimeters"),
@@ -73,7 +81,9 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
                 return
 
 
-def find_layout(path: Path, number: int, line: str, header: str, comments: Sequence[str]) -> Layout | None:
+def find_layout(
+    path: Path, number: int, line: str, header: str, comments: Sequence[str], stated: Sequence[str] = ()
+) -> Layout | None:
     """Return how ``line`` holds a point, or None if it doesn't.
 
     Args:
@@ -82,6 +92,7 @@ def find_layout(path: Path, number: int, line: str, header: str, comments: Seque
         line: the line that may be the first point.
         header: the line of names above it, or empty.
         comments: the comments above it that may name the columns.
+        stated: units that other comments state.
 
     Raises:
         ScanError: a unit that is not known, a decimal comma.
@@ -103,14 +114,14 @@ def find_layout(path: Path, number: int, line: str, header: str, comments: Seque
             named = [names[column] for column in columns] if names else []
             # A unit counts wherever it is named, in a comment too wide or too narrow for the columns as well.
             loose = [name for text in [header, *comments] for name in _axes_with_units(text)]
-            unit = _unit(path, [*named, *loose])
+            unit = _unit(path, [*named, *loose, *(f"[{unit}]" for unit in stated)])
             return Layout(delimiter, columns, unit)
     return None
 
 
 def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
     """Read on to the first point; return how it is laid out and how many the file says there are."""
-    count, header, comments = None, "", list[str]()
+    count, header, comments, stated = None, "", list[str](), list[str]()
     while True:
         start, before = file.tell(), lines.number
         line = lines.line()
@@ -122,11 +133,12 @@ def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
             text = re.sub(r"^[#/\s]*(?:\w+\s*:(?!\d))?\s*", "", line)
             if _axes(_words(text)):
                 comments.append(text)
+            stated += [unit for word in STATED.findall(line) if (unit := _known(word.lower()))]
             continue
         if line.isdigit() and not count:
             count = _count(lines, file, line)
             continue
-        layout = find_layout(lines.path, lines.number, line, header, comments)
+        layout = find_layout(lines.path, lines.number, line, header, comments, stated)
         if layout is not None:
             file.seek(start)
             lines.number = before
@@ -159,7 +171,7 @@ def _split_names(header: str, delimiter: str | None, width: int) -> list[str]:
     apart = [UNIT.sub("", word) for word in _words(header)]
     for names in (fields(header, delimiter), re.split(r"[,;\s]+", header.strip(",; ")), apart):
         if len(names) == width and _axes(names):
-            return [name.strip('"').lower() for name in names]
+            return [_bracketed(name) for name in names]
     return []
 
 
@@ -174,7 +186,12 @@ def _axes(names: Sequence[str]) -> tuple[int, int, int] | None:
 
 def _plain(name: str) -> str:
     """Return a column's name without quotes, unit and affix."""
-    return AFFIX.sub("", UNIT.sub("", name.strip('"').lower()).strip())
+    return AFFIX.sub("", UNIT.sub("", _bracketed(name)).strip())
+
+
+def _bracketed(name: str) -> str:
+    """Return a column's name without quotes, lower case, its unit in brackets."""
+    return TAIL.sub(r"[\1]", name.strip('" ').lower())
 
 
 def _words(text: str) -> list[str]:
@@ -188,7 +205,7 @@ def _axes_with_units(text: str) -> list[str]:
 
     Brackets that say the same of all three axes are taken as a unit, known or not.
     """
-    words = [word.lower() for word in _words(text)]
+    words = [_bracketed(word) for word in _words(text)]
     axes = _axes(words)
     if axes is None:
         return []

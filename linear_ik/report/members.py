@@ -16,7 +16,7 @@ import numpy.typing as npt
 from linear_ik.deviation import Deviations, deviations
 from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import LinearIkError, ToleranceError
-from linear_ik.exports.result_json import EXPECTED, ResultError, guid_of, result_from_mapping
+from linear_ik.readers.result_json import EXPECTED, ResultError, guid_of, result_from_mapping
 from linear_ik.result import FitResult
 from linear_ik.tolerances import (
     IFC_CLASS,

@@ -26,6 +26,7 @@ class Extent:
         handed_out: how many of them are in a neighbourhood.
         low_m, high_m: [3] of all of them.
         stations: [S][3] rows, as they came.
+        left_out: points without finite coordinates.
     """
 
     points: int = 0
@@ -33,6 +34,7 @@ class Extent:
     low_m: Array = field(default_factory=lambda: np.full(3, np.inf))
     high_m: Array = field(default_factory=lambda: np.full(3, -np.inf))
     stations: list[tuple[float, ...]] = field(default_factory=list)
+    left_out: int = 0
 
 
 def moved(pieces: Iterable[Scan], T_model_scan: Array | None) -> Iterator[Scan]:  # noqa: N803
@@ -43,7 +45,7 @@ def moved(pieces: Iterable[Scan], T_model_scan: Array | None) -> Iterator[Scan]:
             continue
         R, t = T_model_scan[:3, :3], T_model_scan[:3, 3]
         stations = None if piece.stations is None else piece.stations @ R.T + t
-        yield Scan(piece.points @ R.T + t, None, stations, piece.station_index)
+        yield Scan(piece.points @ R.T + t, None, stations, piece.station_index, piece.left_out)
 
 
 def boxes_back(boxes_m: Array, T_model_scan: Array | None) -> Array:  # noqa: N803
@@ -78,6 +80,7 @@ def hand_out(
         if piece.stations is not None and len(piece.stations) == 1:
             station = rows.setdefault(tuple(piece.stations[0].tolist()), len(rows))
         extent.points += len(points)
+        extent.left_out += piece.left_out
         extent.low_m = np.minimum(extent.low_m, points.min(axis=0))
         extent.high_m = np.maximum(extent.high_m, points.max(axis=0))
         pairs = neighbourhoods.pairs(points)

@@ -1,0 +1,103 @@
+"""HandedOut: the scan's points as they wait for the elements' fits, handed out once, by this run or an earlier one."""
+
+from __future__ import annotations
+
+import json
+from collections.abc import Callable, Iterable
+from dataclasses import dataclass
+from typing import Any
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.atomic import write_atomically
+from linear_ik.model_fit.folder import RunFolder
+from linear_ik.model_fit.options import ModelFitOptions
+from linear_ik.scan import Scan
+from linear_ik.site.handout import hand_out
+from linear_ik.site.neighbourhood import Neighbourhoods
+from linear_ik.site.spill import Spill
+
+Array = npt.NDArray[np.float64]
+Listener = Callable[[str, int, int, float], object]
+"""Called with the stage, how much of it is done, of how much (0: unknown), and the seconds it may still take (NaN)."""
+Pieces = Callable[[Array], Iterable[Scan]]
+"""Gives the scan in the model's coordinates; what is in none of some boxes [B][2][3] may be left out."""
+
+NAN = float("nan")
+
+
+@dataclass(frozen=True, eq=False)
+class HandedOut:
+    """Points by element.
+
+    Attributes:
+        spill: holds them.
+        stations: [S][3] of the scan, or None.
+        extent: what was read of the scan.
+    """
+
+    spill: Spill
+    stations: Array | None
+    extent: dict[str, Any]
+
+    @property
+    def received(self) -> npt.NDArray[np.int64]:
+        """How many points each element was given, those included that are not kept."""
+        return self.spill.received
+
+    def of(self, i: int) -> tuple[Array, Array | None, npt.NDArray[np.int32] | None]:
+        """Return the points [P][3] of an element, the stations [S][3] and which saw each point [P], or None."""
+        records = self.spill.load(i)
+        points, station = np.ascontiguousarray(records["xyz"]), records["station"].astype(np.int32)
+        stations = self.stations if len(points) and self.stations is not None and station.min() >= 0 else None
+        return points, stations, None if stations is None else station
+
+
+def hand_out_once(
+    pieces: Pieces,
+    neighbourhoods: Neighbourhoods,
+    elements: int,
+    folder: RunFolder,
+    inputs: str,
+    options: ModelFitOptions,
+    listener: Listener,
+) -> HandedOut:
+    """Hand out the scan, unless an earlier run came to the end of that.
+
+    Args:
+        pieces: gives the scan, in the model's coordinates.
+        neighbourhoods: of the elements.
+        elements: how many there are.
+        folder: of the run.
+        inputs: fingerprint of what the points of each element hang on.
+        options: of the run.
+        listener: told how many points are done.
+    """
+    note = folder.scratch / "complete.json"
+    memory = int(options.memory_mb * 2**20 / 2)
+    try:
+        done = json.loads(note.read_text(encoding="utf-8"))
+    except (OSError, ValueError):
+        done = {}
+    if done.get("inputs") != inputs:
+        spill = Spill(folder.new_scratch(), elements, options.max_points, memory)
+        near = pieces(neighbourhoods.bounds_m)
+        extent = hand_out(near, neighbourhoods, spill, lambda points: listener("handing out points", points, 0, NAN))
+        done = {
+            "inputs": inputs,
+            "received": spill.received.tolist(),
+            "stations": extent.stations,
+            "extent": {
+                "points": extent.points,
+                "in_a_neighbourhood": extent.handed_out,
+                "low_m": extent.low_m.tolist(),
+                "high_m": extent.high_m.tolist(),
+                "left_out": extent.left_out,
+            },
+        }
+        write_atomically(note, json.dumps(done) + "\n")
+    else:
+        spill = Spill(folder.scratch, elements, options.max_points, memory)
+        spill.received[:] = done["received"]
+    return HandedOut(spill, np.array(done["stations"]) if done["stations"] else None, done["extent"])
