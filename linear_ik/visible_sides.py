@@ -8,7 +8,7 @@ plate's thickness apart.
 
 from __future__ import annotations
 
-from collections.abc import Callable
+from collections.abc import Callable, Iterator
 from typing import NamedTuple
 
 import numpy as np
@@ -19,6 +19,7 @@ from linear_ik.descent import Descended
 from linear_ik.problem import Problem
 from linear_ik.surface import Surface
 from linear_ik.tapered_surface import TaperedSurface
+from linear_ik.uncertainty import noise_of
 
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
@@ -28,8 +29,8 @@ THIN = 8.0  # deviations, as they look before the sides are told apart
 REACH = 6.0  # deviations beyond either side
 OPPOSITE = -0.999  # cosine of two normals
 LEAST_LIKELIER = 3.0  # log likelihood
-LEAST_POINTS = 100
-ROUNDS = 40
+LEAST_POINTS = 100  # on the plates: fewer do not tell one bell from two
+ROUNDS = 40  # of expectation maximisation: proportions settle within a hundredth
 SPARSEST = 1e-3  # of the densest face
 
 
@@ -73,52 +74,81 @@ def told_apart(
     noise_m: float,
     down: Callable[[Problem, Array], Descended],
 ) -> tuple[Problem, Descended]:
-    """Return the problem without the faces that nobody saw, and its fit.
-
-    For the plates across each direction three hypotheses compete: both sides are seen, or one alone. Each is fitted;
-    the likelihood of the points on the plates is that of one normal distribution about the side that is seen, or of
-    two, in proportions and with a deviation of their own; other points and the joints add their squares.
+    """Return the problem that knows which faces were seen, and its fit.
 
     Args:
-        problem: whose points name no stations.
-        found: its fit, each point matched to the nearest side.
+        problem: whose points were matched to the nearest face.
+        found: its fit.
         noise_m: standard deviation of a point, as it looks.
         down: descends from variables [6 + 3N] in a problem.
     """
-    plates, handicap_m2 = thin_plates(problem.surface, THIN * noise_m), np.zeros(len(problem.surface.corners))
-    if problem.matcher.sights is not None:
-        plates = []
-    normals = problem.surface.normals
-    while plates:
-        group = [p for p in plates if abs(normals[p.front] @ normals[plates[0].front]) > -OPPOSITE]
-        plates = [p for p in plates if p not in group]
-        rows = [_on_plate(found.pairs, problem.surface, p, noise_m) for p in group]
-        if sum(map(len, rows)) < LEAST_POINTS:
-            continue
-        here = normals[group[0].front]
-        beyond, ends = (np.ones(len(found.pairs.order), dtype=bool) for _ in range(2))
-        for p, row in zip(group, rows, strict=True):
-            beyond[_on_plate(found.pairs, problem.surface, p, noise_m, wholly=False)] = False
-            ends[row] = False
-        trials = []
-        for sign in (1.0, -1.0):
-            hidden = [p.front if sign * (normals[p.front] @ here) > 0 else p.back for p in group]
-            handicap = handicap_m2.copy()
-            handicap[hidden] = np.inf
-            there = problem.favouring(handicap)
-            at = down(there, found.x)
-            scatter_m, likely = _unlikelihood(_outside(there, at, group, rows, hidden))
-            others = (_others(there, at, beyond, noise_m), _others(there, at, ends, scatter_m))
-            trials.append((there, at, likely + others[0], likely + others[1]))
-        # Where the plates end tells the one side from the other, but is nothing to compare both with.
-        (there, at, likely, value), (*_, mirrored) = sorted(trials, key=lambda trial: trial[3])
-        both = _unlikelihood(_outside(problem, found, group, rows, None))[1] + _others(problem, found, beyond, noise_m)
-        if likely < both - LEAST_LIKELIER and value < mirrored - LEAST_LIKELIER:
-            problem, found = there, at
-            handicap_m2 = np.asarray(problem.matcher.handicap_m2)
-
-    problem = problem.favouring(handicaps(problem.surface, found, np.isinf(handicap_m2), noise_m))
+    hidden = np.zeros(len(problem.surface.corners), dtype=bool)
+    if problem.matcher.sights is None:
+        for plates in across(problem.surface, thin_plates(problem.surface, THIN * noise_m)):
+            problem, found, hidden = seen_from(problem, found, plates, hidden, noise_m, down)
+    noise_m = max(noise_m, noise_of(found.pairs, found.weights))
+    problem = problem.favouring(handicaps(problem.surface, found, hidden, noise_m))
     return problem, down(problem, found.x)
+
+
+def across(surface: Surface, plates: list[Plate]) -> Iterator[list[Plate]]:
+    """Yield the plates of each direction together: a station sees all of them from one side."""
+    while plates:
+        normals = surface.normals[[p.front for p in plates]]
+        one = np.abs(normals @ normals[0]) > -OPPOSITE
+        yield [p for p, with_it in zip(plates, one, strict=True) if with_it]
+        plates = [p for p, with_it in zip(plates, one, strict=True) if not with_it]
+
+
+def seen_from(
+    problem: Problem,
+    found: Descended,
+    plates: list[Plate],
+    hidden: Mask,
+    noise_m: float,
+    down: Callable[[Problem, Array], Descended],
+) -> tuple[Problem, Descended, Mask]:
+    """Return the problem, its fit and the hidden faces [E]: of some plates one side too, where only the other was seen.
+
+    Three hypotheses compete, both sides or one alone. Each is fitted; the likelihood of the points on the plates is
+    that of one normal distribution about the side that is seen, or of two, in proportions and with a deviation of
+    their own; other points and the joints add their squares.
+
+    Args:
+        problem: both sides seen.
+        found: its fit.
+        plates: across one direction.
+        hidden: [E] faces that are known not to be seen.
+        noise_m: standard deviation of a point, as it looks.
+        down: descends from variables [6 + 3N] in a problem.
+    """
+    surface, sample = problem.surface, len(found.pairs.order)
+    rows = [_on_plate(found.pairs, surface, p, noise_m) for p in plates]
+    if sum(map(len, rows)) < LEAST_POINTS:
+        return problem, found, hidden
+    beside, beyond = np.ones(sample, dtype=bool), np.ones(sample, dtype=bool)
+    beside[np.concatenate(rows)] = False
+    for p in plates:
+        beyond[_on_plate(found.pairs, surface, p, noise_m, wholly=False)] = False
+    both = _unlikelihood(_outside(problem, found, plates, rows, None))[1] + _others(problem, found, beyond, noise_m)
+    trials = []
+    for sign in (1.0, -1.0):
+        away = [
+            p.front if sign * (surface.normals[p.front] @ surface.normals[plates[0].front]) > 0 else p.back
+            for p in plates
+        ]
+        unseen = hidden.copy()
+        unseen[away] = True
+        there = problem.favouring(np.where(unseen, np.inf, 0.0))
+        at = down(there, found.x)
+        scatter_m, unlikely = _unlikelihood(_outside(there, at, plates, rows, away))
+        # Where the plates end tells the one side from the other, but is nothing to compare both with.
+        mirrored = unlikely + _others(there, at, beside, scatter_m)
+        trials.append((mirrored, unlikely + _others(there, at, beyond, noise_m), there, at, unseen))
+    best, other = sorted(trials, key=lambda trial: trial[0])
+    if best[1] < both - LEAST_LIKELIER and best[0] < other[0] - LEAST_LIKELIER:
+        return best[2:]
+    return problem, found, hidden
 
 
 def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) -> Array:
