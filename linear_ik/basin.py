@@ -33,7 +33,6 @@ LEAST_POINTS = 12  # of a segment
 LEAST_SIDE = 0.25  # of the points that a side would have in a complete scan
 THICK = 30.0  # deviations; a segment between two sides so far apart has two points in three on neither
 SEARCH_POINTS_A_SEGMENT = 300
-NEARLY_AS_MANY = 0.75  # segments on points
 GENTLE_RAD = np.radians(3.0)  # bends of a joint that are searched where sharper ones led astray
 
 
@@ -134,9 +133,11 @@ def searched(
     startup = Startup(problem, cloud, noise_m, settings, solver, log, refuted)
     best = startup.better([startup.run(), startup.finish(found.x)])
     if forced(problem, best):
-        other = Startup(problem.bending(GENTLE_RAD), cloud, noise_m, settings, solver, log, refuted).run()
-        # A neighbour may show more points; that does not make it the element.
-        if not forced(problem, other) and startup.supported(other) >= NEARLY_AS_MANY * startup.supported(best):
+        gentle = problem.bending(GENTLE_RAD)
+        other = Startup(gentle, cloud, noise_m, settings, solver, log, refuted).run()
+        # A neighbour may show more points; that does not make it the element. Nor is a member that rests on its limits
+        # another one, that does not reach as far.
+        if not forced(gentle, other) and startup.supported(other) >= startup.supported(best):
             best = other
     cloud = startup.around(best)
     return descend(problem, best, Stage("search", cloud, (startup.tau_m,), noise_m, 6, 5e-5), settings, solver, log)

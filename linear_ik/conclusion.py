@@ -93,8 +93,8 @@ def doubted(settled: Settled, scan: Scan, settings: FitSettings) -> Iterator[Rea
         given = f"where a range noise of {1e3 * settings.range_noise_m:g} mm was given"
         yield Reason("noise_misgiven", f"the points scatter {1e3 * noise_m:.1f} mm about the surface, {given}")
     yield from doubts(*sample)
-    hidden = segments_turned_away(*sample)
-    if hidden.any():
+    known = problem.matcher.sights is not None
+    if known and (hidden := segments_turned_away(*sample)).any():
         yield Reason(
             "turned_away", f"{listed(hidden)}: many points there lie on faces that look away from their station"
         )
@@ -116,7 +116,7 @@ def doubted(settled: Settled, scan: Scan, settings: FitSettings) -> Iterator[Rea
         where = f"segment {first + 1}" if first == last else f"segments {first + 1} to {last + 1}"
         aside = f"it steps {1e3 * aside_m:.0f} mm aside at {where}"
         yield Reason("stepped_aside", f"{aside}: a neighbour may have been taken for it")
-    if problem.matcher.sights is None and plates_too_thin(*sample, problem.matcher.seen):
+    if not known and plates_too_thin(*sample, ~settled.unseen):
         thin = "the two sides of the section's thin plates cannot be told apart"
         yield Reason(
             "thin_plates", f"points scatter {1e3 * noise_m:.1f} mm: {thin} (a scan that names its stations can)"
@@ -125,6 +125,9 @@ def doubted(settled: Settled, scan: Scan, settings: FitSettings) -> Iterator[Rea
         elsewhere = ", or the start is not where it is held" if settled.foreign[0] and not problem.may_slide else ""
         there = f"{listed(settled.foreign)}: the points there lie on something else than the designed surface"
         yield Reason("foreign_points", f"{there}{elsewhere}")
+    if settled.touched.any():
+        there = f"{listed(settled.touched)}: something touches a side there"
+        yield Reason("touched", f"{there}, whose points hardly count")
     if settled.misfit is not None:
         sentence = settled.misfit.sentence(surface_of(problem.element))
         yield Reason("section_size" if settled.misfit.plausible else "other_section", sentence)

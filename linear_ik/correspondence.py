@@ -98,13 +98,6 @@ class Matcher:
         self._begin_m = np.cumsum(segment_length_m) - segment_length_m
         self._meshes, self._triangles = surface.segment_meshes(segment_length_m)
 
-    @property
-    def seen(self) -> npt.NDArray[np.bool_]:
-        """Which faces [E] points may lie on."""
-        if self.handicap_m2 is None:
-            return np.ones(len(self.surface.corners), dtype=bool)
-        return np.isfinite(self.handicap_m2)
-
     def match(self, pose: Pose, points: Array, segments: int | None = None, first: int = 0) -> Correspondences:
         """Match ``points`` [P][3] (element's frame) to segments ``first`` to ``segments`` - 1 of the chain."""
         n = pose.n_segments if segments is None else segments
@@ -134,7 +127,7 @@ class Matcher:
         return Correspondences(order, starts, face, local, residual, gradient, distance, axial, untapered)
 
     def _seen(self, pose: Pose, points: Array, starts: Index, local: Array, face: Index) -> Index:
-        """Return the faces [P], those that cannot have been seen replaced by the nearest that can.
+        """Return the faces [P], where they look away from the point's station or have a handicap perhaps another's.
 
         Args:
             pose: of the chain.
@@ -143,7 +136,7 @@ class Matcher:
             local: [P][3] points in their segment's frame.
             face: [P] nearest to each.
         """
-        which, cosine = np.arange(len(local)), None
+        normals, sight, away = self.surface.normals, None, np.zeros(len(local), dtype=bool)
         if self.sights is not None:
             stations, sight = self.sights.stations_of(points), np.empty((len(local), 2))
             for k in range(len(starts) - 1):
@@ -151,18 +144,19 @@ class Matcher:
                 seen_from = (stations[rows] - pose.nodes_m[k]) @ pose.rotations[k]
                 seen_from -= local[rows]
                 sight[rows] = seen_from[:, :2] / np.linalg.norm(seen_from, axis=1, keepdims=True)
-            if self.handicap_m2 is None:
-                which = np.flatnonzero(np.einsum("pi,pi->p", self.surface.normals[face], sight) < TURNED_AWAY)
-            cosine = sight[which] @ self.surface.normals.T
-        if not len(which):
-            return face
-        squared = squared_distances(self.surface, local[which])
-        if self.handicap_m2 is not None:
-            squared += self.handicap_m2
-        if cosine is not None:
-            squared[cosine < TURNED_AWAY] = np.inf
+            away = np.einsum("pi,pi->p", normals[face], sight) < TURNED_AWAY
+        handicap_m2 = np.zeros(len(normals)) if self.handicap_m2 is None else self.handicap_m2
+        # The nearest face loses to none that is farther and has no less of a handicap.
+        which = np.flatnonzero(away | (handicap_m2 > handicap_m2.min())[face])
+        best, least_m2 = face[which], np.full(len(which), np.inf)
+        for e, squared in enumerate(self.surface.squares(local[which, :2])):
+            squared += handicap_m2[e]
+            if sight is not None:
+                squared[sight[which] @ normals[e] < TURNED_AWAY] = np.inf
+            better = squared < least_m2
+            best[better], least_m2[better] = e, squared[better]
         face = face.copy()
-        face[which] = squared.argmin(axis=1)
+        face[which] = best
         return face
 
     def posed(self, pose: Pose, first: int = 0, segments: int | None = None) -> Any:
@@ -186,11 +180,3 @@ class Matcher:
         query = self._core.Tensor(np.ascontiguousarray(points, dtype=np.float32))
         hit = self.posed(pose, first, n).compute_closest_points(query)
         return np.asarray(hit["primitive_ids"].numpy())
-
-
-def squared_distances(surface: Surface, local: Array) -> Array:
-    """Return the squared distance [P][E] of points [P][3], in their segment's frame, from each face."""
-    offset = local[:, None, :2] - surface.corners
-    along = np.clip(np.einsum("pei,ei->pe", offset, surface.tangents), 0.0, surface.widths_m)
-    offset -= along[:, :, None] * surface.tangents
-    return np.asarray(np.einsum("pei,pei->pe", offset, offset))

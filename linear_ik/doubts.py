@@ -85,17 +85,15 @@ def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: flo
 def turned_away(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> Mask:
     """Return which points [P] lie on a face that looks away from their station, and on none that does not.
 
-    Where stations are unknown there are none: every point then has its nearest face.
-
     Args:
         surface: the section the points were matched to.
-        pairs: matches to faces that may be seen.
+        pairs: matches to faces that their stations may have seen; without stations nothing looks away.
         matched: [P] which of them lie on the surface.
         noise_m: standard deviation of a point.
     """
     out = ~matched & (np.abs(pairs.residual_m) > ON_SURFACE * noise_m)
     if surface.radius_m is None:
-        out[out] = surface.distances(pairs.local[out, :2]) < ON_SURFACE * noise_m
+        out[out] = surface.distances(pairs.section[out]) < ON_SURFACE * noise_m
     else:
         out[:] = False
     return np.asarray(out)

@@ -34,6 +34,7 @@ ReasonCode = Literal[
     "stepped_aside",
     "thin_plates",
     "foreign_points",
+    "touched",
     "other_section",
     "section_size",
     "outliers_removed",
@@ -51,6 +52,7 @@ ReasonCode = Literal[
 NOTES = frozenset(
     {
         "section_size",
+        "touched",
         "outliers_removed",
         "length_not_measured",
         "length_as_designed",

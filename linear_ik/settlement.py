@@ -27,12 +27,12 @@ from linear_ik.descent import (
 )
 from linear_ik.ends import Slide, anchored, shift_at_start, slide_of_ends
 from linear_ik.evidence import evidence, prior_move
-from linear_ik.foreign import foreign_segments
+from linear_ik.foreign import at_limits, foreign_segments
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.section_check import SectionMisfit, section_misfit
 from linear_ik.settings import FitSettings
-from linear_ik.side_noise import trust_of
+from linear_ik.side_noise import touched_segments, trust_of
 from linear_ik.stage import Stage, depth_of, on_surface
 from linear_ik.straightening import straightened
 from linear_ik.tally import MATCHED, Tally, tally
@@ -70,6 +70,8 @@ class Settled:
         noise_m: standard deviation of the matched points.
         scale_m: robust scale of the weights.
         foreign: [N] segments whose points belong to something else.
+        touched: [N] segments of which one side has lost its weight, as something touches it.
+        unseen: [E] faces that were surely not seen.
         misfit: what the section measures, where that is not what was designed.
         converged: whether it came to rest.
         still: [6 + 3N] the step that the points still ask for; a method that stops
@@ -89,6 +91,8 @@ class Settled:
     noise_m: float
     scale_m: float
     foreign: Mask
+    touched: Mask
+    unseen: Mask
     misfit: SectionMisfit | None
     converged: bool
     still: Array
@@ -151,14 +155,16 @@ def settle(
     descents = _Descents(some, settings, solver, log, robust_scale)
     found = descents.from_(problem, found.x, noise_m, foreign, None, stop=0.2)
     trust: Array | None = None
+    unseen = np.zeros(len(problem.surface.corners), dtype=bool)
     if robust_scale < ROBUST_SCALE and may_be_told(problem):
         noise_m = noise_used(found, settings)
         down = partial(descents.from_, noise_m=noise_m, foreign=foreign, trust=None)
-        problem, found = told_apart(problem, found, noise_m, down)
+        problem, found, unseen = told_apart(problem, found, noise_m, down)
     for _ in range(MOST_ROUNDS):
         noise_m = noise_used(found, settings)
-        before_trust, trust = trust, trust_of(found.pairs, found.weights, noise_m)
+        before_trust, trust = trust, trust_of(found.pairs, found.weights, noise_m, at_limits(problem, found.x))
         changed = (trust is None) != (before_trust is None)
+        changed |= bool((touched_segments(trust, len(foreign)) != touched_segments(before_trust, len(foreign))).any())
         if misfit is None:
             misfit = section_misfit(designed, found.pairs, _matched(found, noise_m), noise_m)
             if misfit is not None and misfit.plausible:
@@ -188,7 +194,8 @@ def settle(
         down = partial(descents.from_, noise_m=noise_m, foreign=foreign, trust=trust)
         problem, found = straightened(problem, found, noise_m, robust_scale, down)
     noise_m = noise_used(found, settings)
-    return last_step(count(problem, found, some, noise_m, foreign, trust, misfit, robust_scale), settings, solver, log)
+    settled = count(problem, found, some, noise_m, foreign, trust, unseen, misfit, robust_scale)
+    return last_step(settled, settings, solver, log)
 
 
 def noise_used(found: Descended, settings: FitSettings) -> float:
@@ -205,6 +212,7 @@ def count(
     noise_m: float,
     foreign: Mask,
     trust: Array | None,
+    unseen: Mask,
     misfit: SectionMisfit | None,
     robust_scale: float,
 ) -> Settled:
@@ -227,6 +235,8 @@ def count(
         noise_m,
         scale_m,
         foreign,
+        touched_segments(trust, len(foreign)),
+        unseen,
         misfit,
         found.converged,
         still,
@@ -260,8 +270,8 @@ def measured(problem: Problem, found: Descended, settings: FitSettings) -> Settl
     stage = Stage("measure", problem.points, (ROBUST_SCALE * noise_m,))
     pairs, weights, _ = on_surface(problem, found.pose, stage, 0)
     found = Descended(found.x, found.pose, pairs, weights, found.converged)
-    no_segments = np.zeros(problem.element.segments, dtype=bool)
-    return count(problem, found, problem.points, noise_m, no_segments, None, None, ROBUST_SCALE)
+    no_segments, no_faces = (np.zeros(n, dtype=bool) for n in (problem.element.segments, len(problem.surface.corners)))
+    return count(problem, found, problem.points, noise_m, no_segments, None, no_faces, None, ROBUST_SCALE)
 
 
 def _matched(found: Descended, noise_m: float) -> Mask:

@@ -25,7 +25,8 @@ ALIKE = 1.3  # ratio of noises within which sides are one
 # A quarter of a patch's points off is something that touches it; mixed pixels are fewer.
 LEAST_OF_PATCH, TOUCHING, STRANGE = 8, 0.75, 2.0
 LEAST_ALIKE = 3  # patches of a side, to tell what is usual there
-LEAST_TRUST = 0.01
+TOUCHING_TO_SD = 1.15  # that quantile of the distances, over the standard deviation, of a normal distribution
+LEAST_TRUST = 0.01  # not 0: what lies there still says a little
 
 
 def sides(directions: Array) -> Index:
@@ -36,7 +37,7 @@ def sides(directions: Array) -> Index:
     return np.asarray(OCTANT[(v < 0) * 4 + (u < 0) * 2 + (np.abs(v) > np.abs(u))])
 
 
-def trust_of(pairs: Correspondences, weights: Array, noise_m: float) -> Array | None:
+def trust_of(pairs: Correspondences, weights: Array, noise_m: float, kept: Mask | None = None) -> Array | None:
     """Return the factor [N][8] on the weights of each side of each segment, or None where all are alike.
 
     ``(noise / its own noise)^2`` of a side. A patch, a side of one segment, where points scatter twice as much as
@@ -46,6 +47,7 @@ def trust_of(pairs: Correspondences, weights: Array, noise_m: float) -> Array | 
         pairs: matches of a settled fit.
         weights: [P] theirs; matches without weight are left out.
         noise_m: standard deviation of all points together.
+        kept: [N] segments that are kept from their points by a joint's limit: nothing else need touch them.
     """
     used, n = weights > 0, len(pairs.starts) - 1
     side, residual = sides(pairs.gradient[used]), np.abs(pairs.residual_m[used])
@@ -55,20 +57,25 @@ def trust_of(pairs: Correspondences, weights: Array, noise_m: float) -> Array | 
     ratio = noise_m / np.maximum(own_m, 1e-12)
     alike = (ratio < ALIKE).all() and (ratio > 1 / ALIKE).all()
     trust = np.tile(np.ones(SIDES) if alike else np.clip(ratio**2, 1 / MOST, MOST), (n, 1))
-    strange = touched(pairs.segment[used], side, residual, n)
+    strange = touched(pairs.segment[used], side, residual, n, noise_m)
+    if kept is not None:
+        strange[kept] = False
     if alike and not strange.any():
         return None
     return np.where(strange, LEAST_TRUST * trust, trust)
 
 
-def touched(segment: Index, side: Index, residual_m: Array, segments: int) -> Mask:
+def touched(segment: Index, side: Index, residual_m: Array, segments: int, noise_m: float) -> Mask:
     """Return the patches [N][8], a side of one segment, where points scatter twice as far as on that side elsewhere.
+
+    And as far as the noise. Of one or two segments none is: nothing says what is usual.
 
     Args:
         segment: [P] of each match.
         side: [P] that it faces.
         residual_m: [P] its distance to the surface.
         segments: N.
+        noise_m: standard deviation of all points together.
     """
     patch = segment * SIDES + side
     parts = np.split(
@@ -79,5 +86,10 @@ def touched(segment: Index, side: Index, residual_m: Array, segments: int) -> Ma
     usual_m = np.full(SIDES, np.inf)
     for k, column in enumerate(scatter_m.T):
         if np.isfinite(column).sum() >= LEAST_ALIKE:
-            usual_m[k] = np.nanmedian(column)
+            usual_m[k] = max(float(np.nanmedian(column)), TOUCHING_TO_SD * noise_m / STRANGE)
     return np.asarray(scatter_m > STRANGE * usual_m)
+
+
+def touched_segments(trust: Array | None, segments: int) -> Mask:
+    """Return the segments [N] of which a side has lost its weight in `trust_of`."""
+    return np.zeros(segments, dtype=bool) if trust is None else np.asarray((trust <= LEAST_TRUST * MOST).any(axis=1))

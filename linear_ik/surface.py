@@ -7,6 +7,7 @@ built against it. A face is one edge of the outline; a round section is one face
 
 from __future__ import annotations
 
+from collections.abc import Iterator
 from dataclasses import dataclass
 from functools import cached_property
 
@@ -185,8 +186,13 @@ class Surface:
         if self.radius_m is not None:
             return np.asarray(np.abs(np.hypot(xy[:, 0], xy[:, 1]) - self.radius_m))
         best = np.full(len(xy), np.inf)
+        for squared in self.squares(xy):
+            np.minimum(best, squared, out=best)
+        return np.asarray(np.sqrt(best))
+
+    def squares(self, xy: Array) -> Iterator[Array]:
+        """Yield the squared distance [P] of points [P][2] to each face, one after the other."""
         for corner, tangent, width in zip(self.corners, self.tangents, self.widths_m, strict=True):
             delta = xy - corner
             delta -= np.clip(delta @ tangent, 0.0, width)[:, None] * tangent
-            np.minimum(best, np.einsum("ij,ij->i", delta, delta), out=best)
-        return np.asarray(np.sqrt(best))
+            yield np.einsum("ij,ij->i", delta, delta)

@@ -14,7 +14,7 @@ from typing import NamedTuple
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.correspondence import Correspondences, squared_distances
+from linear_ik.correspondence import Correspondences
 from linear_ik.descent import Descended
 from linear_ik.problem import Problem
 from linear_ik.surface import Surface
@@ -25,13 +25,15 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
-THIN = 8.0  # deviations, as they look before the sides are told apart
+THIN = 8.0  # deviations, as they look before the sides are told apart: half of what they are
 REACH = 6.0  # deviations beyond either side
 OPPOSITE = -0.999  # cosine of two normals
-LEAST_LIKELIER = 3.0  # log likelihood
+LEAST_LIKELIER, SURE = 3.0, 20.0  # log likelihood; from where on the choice is no doubt
+TWICE = 2.0  # as wide as thick, at least: less is an edge
+END, MOST_END = 3.0, 0.15  # deviations, and share of a plate's width, that its ends are left out by
 LEAST_POINTS = 100  # on the plates: fewer do not tell one bell from two
 ROUNDS = 40  # of expectation maximisation: proportions settle within a hundredth
-SPARSEST = 1e-3  # of the densest face
+SPARSEST = 1e-3  # of the densest face: a point 3.7 deviations nearer to another is still that one's
 
 
 class Plate(NamedTuple):
@@ -51,14 +53,14 @@ class Plate(NamedTuple):
 
 
 def thin_plates(surface: Surface, most_m: float) -> list[Plate]:
-    """Return the plates of a section up to ``most_m`` thick, and at least twice as wide; each once."""
+    """Return the plates of a section up to ``most_m`` thick, and twice as wide; each once."""
     out = []
     for e in range(len(surface.corners)):
         for f in np.flatnonzero(surface.normals @ surface.normals[e] < OPPOSITE):
             thickness_m = float((surface.corners[e] - surface.corners[f]) @ surface.normals[e])
             ends = (surface.corners[[f, (f + 1) % len(surface.corners)]] - surface.corners[e]) @ surface.tangents[e]
             low, high = max(0.0, float(ends.min())), min(float(surface.widths_m[e]), float(ends.max()))
-            if e < f and 0.0 < thickness_m <= most_m and high - low > 2.0 * thickness_m:
+            if e < f and 0.0 < thickness_m <= most_m and high - low > TWICE * thickness_m:
                 out.append(Plate(e, int(f), thickness_m, (low, high)))
     return out
 
@@ -73,8 +75,8 @@ def told_apart(
     found: Descended,
     noise_m: float,
     down: Callable[[Problem, Array], Descended],
-) -> tuple[Problem, Descended]:
-    """Return the problem that knows which faces were seen, and its fit.
+) -> tuple[Problem, Descended, Mask]:
+    """Return the problem that knows which faces were seen, its fit, and the faces [E] that were surely not.
 
     Args:
         problem: whose points were matched to the nearest face.
@@ -82,13 +84,16 @@ def told_apart(
         noise_m: standard deviation of a point, as it looks.
         down: descends from variables [6 + 3N] in a problem.
     """
-    hidden = np.zeros(len(problem.surface.corners), dtype=bool)
+    hidden, surely = (np.zeros(len(problem.surface.corners), dtype=bool) for _ in range(2))
     if problem.matcher.sights is None:
         for plates in across(problem.surface, thin_plates(problem.surface, THIN * noise_m)):
-            problem, found, hidden = seen_from(problem, found, plates, hidden, noise_m, down)
+            problem, found, unseen, margin = seen_from(problem, found, plates, hidden, noise_m, down)
+            if margin > SURE:
+                surely |= unseen & ~hidden
+            hidden = unseen
     noise_m = max(noise_m, noise_of(found.pairs, found.weights))
     problem = problem.favouring(handicaps(problem.surface, found, hidden, noise_m))
-    return problem, down(problem, found.x)
+    return problem, down(problem, found.x), surely
 
 
 def across(surface: Surface, plates: list[Plate]) -> Iterator[list[Plate]]:
@@ -107,8 +112,10 @@ def seen_from(
     hidden: Mask,
     noise_m: float,
     down: Callable[[Problem, Array], Descended],
-) -> tuple[Problem, Descended, Mask]:
+) -> tuple[Problem, Descended, Mask, float]:
     """Return the problem, its fit and the hidden faces [E]: of some plates one side too, where only the other was seen.
+
+    And by how much, in log likelihood, the choice is the best.
 
     Three hypotheses compete, both sides or one alone. Each is fitted; the likelihood of the points on the plates is
     that of one normal distribution about the side that is seen, or of two, in proportions and with a deviation of
@@ -125,7 +132,7 @@ def seen_from(
     surface, sample = problem.surface, len(found.pairs.order)
     rows = [_on_plate(found.pairs, surface, p, noise_m) for p in plates]
     if sum(map(len, rows)) < LEAST_POINTS:
-        return problem, found, hidden
+        return problem, found, hidden, 0.0
     beside, beyond = np.ones(sample, dtype=bool), np.ones(sample, dtype=bool)
     beside[np.concatenate(rows)] = False
     for p in plates:
@@ -133,26 +140,25 @@ def seen_from(
     both = _unlikelihood(_outside(problem, found, plates, rows, None))[1] + _others(problem, found, beyond, noise_m)
     trials = []
     for sign in (1.0, -1.0):
-        away = [
-            p.front if sign * (surface.normals[p.front] @ surface.normals[plates[0].front]) > 0 else p.back
-            for p in plates
-        ]
+        facing = [sign * (surface.normals[p.front] @ surface.normals[plates[0].front]) > 0 for p in plates]
+        away = [p.front if there else p.back for p, there in zip(plates, facing, strict=True)]
         unseen = hidden.copy()
         unseen[away] = True
         there = problem.favouring(np.where(unseen, np.inf, 0.0))
         at = down(there, found.x)
-        scatter_m, unlikely = _unlikelihood(_outside(there, at, plates, rows, away))
-        # Where the plates end tells the one side from the other, but is nothing to compare both with.
-        mirrored = unlikely + _others(there, at, beside, scatter_m)
-        trials.append((mirrored, unlikely + _others(there, at, beyond, noise_m), there, at, unseen))
-    best, other = sorted(trials, key=lambda trial: trial[0])
-    if best[1] < both - LEAST_LIKELIER and best[0] < other[0] - LEAST_LIKELIER:
-        return best[2:]
-    return problem, found, hidden
+        trials.append((there, at, unseen, *_unlikelihood(_outside(there, at, plates, rows, away))))
+    # Where the plates end tells the one side from the other, but is nothing to compare both with.
+    scatter_m = min(trial[3] for trial in trials)
+    mirrored = [unlikely + _others(there, at, beside, scatter_m) for there, at, _, _, unlikely in trials]
+    there, at, unseen, _, unlikely = trials[int(np.argmin(mirrored))]
+    margin = min(both - unlikely - _others(there, at, beyond, noise_m), max(mirrored) - min(mirrored))
+    return (there, at, unseen, margin) if margin > LEAST_LIKELIER else (problem, found, hidden, 0.0)
 
 
 def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) -> Array:
-    """Return the handicap [E] of each face: -2 s^2 times the logarithm of the points on it for each metre of its width.
+    """Return the handicap [E] of each face, m^2: ``-2 s^2 ln rho_f``, inf for faces that nobody saw.
+
+    rho_f is the points on a face for each metre of its width, over those of the densest; a thousandth at least.
 
     By expectation maximisation: a point is on a face with a probability that falls with its distance from it, as the
     normal distribution does, and rises with the density of points there. A point near a corner so belongs to the face
@@ -164,18 +170,18 @@ def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) 
         hidden: [E] faces that nobody saw.
         noise_m: s, standard deviation of a point.
     """
-    if not (found.weights > 0).any():
+    local = found.pairs.local[found.weights > 0, :2]
+    if not len(local):
         return np.where(hidden, np.inf, 0.0)
-    squared = squared_distances(surface, found.pairs.local[found.weights > 0])
-    likely = np.exp(-0.5 * squared / noise_m**2) + 1e-300
+    likely = np.exp(-0.5 * np.stack(list(surface.squares(local)), axis=1) / noise_m**2)
+    likely += np.finfo(float).tiny  # a point far from all belongs to whichever is densest
     density = np.where(hidden, 0.0, 1.0 / surface.widths_m)
     for _ in range(ROUNDS):
         belongs = likely * density
         belongs /= belongs.sum(axis=1, keepdims=True)
         density = belongs.sum(axis=0) / surface.widths_m
-    with np.errstate(divide="ignore"):
-        relative = density / density.max()
-        return np.where(relative > SPARSEST, -2.0 * noise_m**2 * np.log(relative), np.inf)
+    relative = np.maximum(density / density.max(), SPARSEST)
+    return np.where(hidden, np.inf, -2.0 * noise_m**2 * np.log(relative))
 
 
 def _on_plate(pairs: Correspondences, surface: Surface, plate: Plate, noise_m: float, wholly: bool = True) -> Index:
@@ -183,7 +189,7 @@ def _on_plate(pairs: Correspondences, surface: Surface, plate: Plate, noise_m: f
     offset = pairs.section - surface.corners[plate.front]
     along, outside = offset @ surface.tangents[plate.front], offset @ surface.normals[plate.front]
     (low, high), reach_m = plate.between_m, REACH * noise_m
-    margin_m = min(3.0 * noise_m, 0.15 * (high - low)) if wholly else -reach_m
+    margin_m = min(END * noise_m, MOST_END * (high - low)) if wholly else -reach_m
     on = (along > low + margin_m) & (along < high - margin_m)
     on &= (outside < reach_m) & (outside > -plate.thickness_m - reach_m)
     return np.asarray(pairs.order[on])

@@ -48,12 +48,26 @@ def test_and_nothing_else_is(bends):
     [(TShape(0.1, 0.1, 0.011, 0.011), 0.0045, True), (IShape(0.3, 0.3, 0.011, 0.019), 0.0015, False)],
     ids=["thin", "thick"],
 )
-def test_plates_as_thin_as_the_noise_are_said_where_no_station_tells_their_sides(profile, noise_m, doubted):
-    element = Element("thin", profile, 2.0, 6)
-    scan = scan_virtually(element, stations=[[4, 1, 1.6]], bends=["4:y:11"], range_noise_m=noise_m, points=6000, seed=1)
+def test_plates_as_thin_as_the_noise_are_said_where_both_sides_were_seen_and_no_station_tells(
+    profile, noise_m, doubted
+):
+    element, stations = Element("thin", profile, 2.0, 6), [[4, 1, 1.6], [-4, -1, 1.6]]
+    scan = scan_virtually(element, stations=stations, bends=["4:y:11"], range_noise_m=noise_m, points=6000, seed=1)
     for told, given in ((True, scan.without_truth()), (False, Scan(scan.points))):
         said = any("thin plates" in reason for reason in linear_ik.fit(element, given).reasons)
         assert said == (doubted and not told)
+
+
+@pytest.mark.parametrize("seed", range(1, 5))
+def test_plates_as_thin_as_the_noise_are_right_where_one_side_was_seen(seed):
+    """From one station; at half their thickness, 5 mm, it settled before, or doubted."""
+    element = Element("thin", TShape(0.1, 0.1, 0.011, 0.011), 2.0, 6)
+    scan = scan_virtually(
+        element, stations=[[4, 1, 1.6]], bends=["4:y:11"], range_noise_m=0.0045, points=6000, seed=seed
+    )
+    result = linear_ik.fit(element, Scan(scan.points))
+    assert np.linalg.norm(result.nodes_m - scan.nodes_m, axis=1).max() < 0.0012
+    assert result.status == "converged", result.reasons
 
 
 def test_a_thin_plate_is_wrong_or_doubted():
