@@ -10,7 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.descent import Descended, Log, descend
-from linear_ik.doubts import quadrants, stepped_aside
+from linear_ik.doubts import seen_around, stepped_aside
 from linear_ik.ik_step import Solver
 from linear_ik.problem import Problem, thinned
 from linear_ik.repair import plate_shifts
@@ -30,7 +30,6 @@ PLAIN_ITERATIONS = 12
 PLAIN_NOISE_M = 0.0025  # beyond, another section may scatter the points
 NEAR, NEARLY_ALL = 4.5, 0.95  # deviations within which, and the share of points for which, a segment is explained
 LEAST_POINTS = 12  # of a segment
-LEAST_SIDE = 0.25  # of the points that a side would have in a complete scan
 THICK = 30.0  # deviations; a segment between two sides so far apart has two points in three on neither
 SEARCH_POINTS_A_SEGMENT = 300
 GENTLE_RAD = np.radians(3.0)  # bends of a joint that are searched where sharper ones led astray
@@ -66,7 +65,7 @@ def plain(problem: Problem, points: Array, settings: FitSettings, solver: Solver
         if not then.all() and then.argmin() <= known.argmin():
             break
         found, known = other, then
-    if not known.all() or seen_around(problem, found):
+    if not known.all() or seen_around(problem.surface, found.pairs):
         return found, bool(known.all())
     # From a base that is held, no segment gets to the wrong side of something thick without one
     # between that is off both; a base that floats may have started there.
@@ -89,20 +88,6 @@ def explained(problem: Problem, found: Descended) -> Mask:
         return np.zeros(n, dtype=bool)
     near = np.bincount(pairs.segment[pairs.distance_m < NEAR * noise_m], minlength=n)
     return np.asarray((count >= LEAST_POINTS) & (near >= NEARLY_ALL * count))
-
-
-def seen_around(problem: Problem, found: Descended) -> bool:
-    """Whether the points show all four sides of every segment, as a complete cloud would but for chance.
-
-    With a side missing, the opposite face may have taken its place.
-    """
-    n = problem.element.segments
-    segment = found.pairs.segment
-    count = np.bincount(segment, minlength=n)
-    seen = np.bincount(4 * segment + quadrants(found.pairs.gradient), minlength=4 * n).reshape(n, 4)
-    share = np.bincount(quadrants(problem.surface.normals), problem.surface.widths_m, minlength=4)
-    expected = share / share.sum() * count[:, None]
-    return bool((seen >= np.minimum(LEAST_SIDE * expected, expected - 3.0 * np.sqrt(expected))).all())
 
 
 def forced(problem: Problem, x: Array) -> bool:

@@ -14,6 +14,7 @@ Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
+LEAST_SIDE = 0.25  # of the points that a side would have in a complete scan
 ONE_SIDE = 0.95  # share of the points
 PARALLEL_REACH = 0.3  # of the section's size
 CLOSE_M = 0.03
@@ -30,6 +31,19 @@ def quadrants(directions: Array) -> npt.NDArray[np.intp]:
     """Return which side, +x, +y, -x or -y (0 to 3), each direction [P][2] points to."""
     x, y = directions.T
     return np.where(np.abs(x) >= np.abs(y), np.where(x > 0, 0, 2), np.where(y > 0, 1, 3)).astype(np.intp)
+
+
+def seen_around(surface: Surface, pairs: Correspondences) -> bool:
+    """Whether the points show all four sides of every segment, as a complete cloud would but for chance.
+
+    With a side missing, the opposite face may have taken its place.
+    """
+    n = len(pairs.starts) - 1
+    count = np.bincount(pairs.segment, minlength=n)
+    seen = np.bincount(4 * pairs.segment + quadrants(pairs.gradient), minlength=4 * n).reshape(n, 4)
+    share = np.bincount(quadrants(surface.normals), surface.widths_m, minlength=4)
+    expected = share / share.sum() * count[:, None]
+    return bool((seen >= np.minimum(LEAST_SIDE * expected, expected - 3.0 * np.sqrt(expected))).all())
 
 
 def doubts(surface: Surface, pairs: Correspondences, matched: Mask, noise_m: float) -> tuple[Reason, ...]:

@@ -25,6 +25,7 @@ from linear_ik.descent import (
     record,
     step_objective,
 )
+from linear_ik.doubts import seen_around
 from linear_ik.ends import Slide, anchored, shift_at_start, slide_of_ends
 from linear_ik.evidence import evidence, prior_move
 from linear_ik.foreign import at_limits, foreign_segments
@@ -39,7 +40,7 @@ from linear_ik.tally import MATCHED, Tally, tally
 from linear_ik.terms.damping import Damping
 from linear_ik.terms.objective import Objective
 from linear_ik.uncertainty import covariance, noise_of
-from linear_ik.visible_sides import may_be_told, told_apart
+from linear_ik.visible_sides import has_thin_plates, may_be_told, told_apart
 
 Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
@@ -156,7 +157,10 @@ def settle(
     found = descents.from_(problem, found.x, noise_m, foreign, None, stop=0.2)
     trust: Array | None = None
     unseen = np.zeros(len(problem.surface.corners), dtype=bool)
-    if robust_scale < ROBUST_SCALE and may_be_told(problem):
+    # Where all sides are seen, and are no noise of their opposites, nothing has taken the place of another.
+    thin = has_thin_plates(problem.surface, noise_used(found, settings))
+    in_doubt = robust_scale < ROBUST_SCALE and (thin or not seen_around(problem.surface, found.pairs))
+    if in_doubt and may_be_told(problem):
         noise_m = noise_used(found, settings)
         down = partial(descents.from_, noise_m=noise_m, foreign=foreign, trust=None)
         problem, found, unseen = told_apart(problem, found, noise_m, down)
@@ -189,7 +193,7 @@ def settle(
         found = descents.from_(problem, found.x, noise_m, foreign, trust)
         if not changed:
             break
-    if robust_scale < ROBUST_SCALE and not foreign.any():
+    if in_doubt and not foreign.any():
         noise_m = noise_used(found, settings)
         down = partial(descents.from_, noise_m=noise_m, foreign=foreign, trust=trust)
         problem, found = straightened(problem, found, noise_m, robust_scale, down)

@@ -105,10 +105,13 @@ class Startup:
             return
         free = problem.released()
         other = Startup(free, self.points, self.noise_m, self.settings, self.solver, self.log, self.refuted)
-        for share in SLIDES:
+
+        def moved(share: float) -> Array:
             start = x.copy()
             start[AXIAL] += share * problem.chain.upper[AXIAL]
-            yield other.repaired(other.finish(problem.chain.clip(start)))
+            return other.finish(problem.chain.clip(start))
+
+        yield other.repaired(other.better(map(moved, SLIDES)))
 
     def better(self, candidates: Iterable[Array]) -> Array:
         """Return the candidate [6 + 3N] of the highest score, of those not refuted if there are any."""

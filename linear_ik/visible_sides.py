@@ -65,6 +65,11 @@ def thin_plates(surface: Surface, most_m: float) -> list[Plate]:
     return out
 
 
+def has_thin_plates(surface: Surface, noise_m: float) -> bool:
+    """Whether noise may take points of one side of a plate for those of the other; never of a round section."""
+    return surface.radius_m is None and bool(thin_plates(surface, THIN * noise_m))
+
+
 def may_be_told(problem: Problem) -> bool:
     """Whether a section has faces to be told apart."""
     return problem.surface.radius_m is None and not isinstance(problem.surface, TaperedSurface)
