@@ -56,7 +56,7 @@ def fit_one(
     wanted: Wanted,
     settings: FitSettings,
     segments: int | Literal["auto"] | None,
-    scan_unit: str,
+    scan_unit: str | None,
     judges: tuple[Profile | None, Conditions],
 ) -> Outcome:
     """Check everything, read, fit, write, and say what was found.
@@ -67,7 +67,7 @@ def fit_one(
         wanted: what is written and shown.
         settings: of the fit.
         segments: in place of the file's.
-        scan_unit: of the scan files' numbers.
+        scan_unit: of the scan files' numbers; None: not said.
         judges: tolerances, and under which conditions.
 
     Raises:

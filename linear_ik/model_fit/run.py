@@ -234,12 +234,12 @@ def make_pool(options: ModelFitOptions, elements: int) -> Pool:
     return Processes(max(1, min(options.workers or cores, elements)))
 
 
-def scan_inputs(paths: Sequence[Path], unit: str) -> list[list[object]]:
+def scan_inputs(paths: Sequence[Path], unit: str | None) -> list[list[object]]:
     """Return what tells whether scan files are still the same: place, size, time of change and unit."""
     out: list[list[object]] = []
     for path in paths:
         stat = path.stat()
-        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit])
+        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit or "m"])
     return out
 
 
