@@ -21,7 +21,7 @@ from linear_ik.element import Element
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
 from linear_ik.viewer_camera import seen_side, turn_camera
-from linear_ik.viewer_cloud import SCANNED, colours_of, near, ramp, rows_shown
+from linear_ik.viewer_cloud import SCANNED, colours_of, largest_shown_m, near, ramp, rows_shown
 from linear_ik.viewer_page import Scene
 from linear_ik.viewer_pairs import FittedSurface, LivePairs, show_pairs
 from linear_ik.viewer_playback import Playback
@@ -49,7 +49,6 @@ FITTED_OPACITY, DESIGNED_OPACITY = 0.5, 0.35  # the points inside both are seen,
 DESIGNED, FITTED = 0xFFFFFF, 0x35B24A
 # As three.js draws axes.
 AXES = "linear-gradient(90deg, #f60 33%, #3f0 33% 66%, #06f 66%)"
-LEAST_LARGEST_M = 0.003  # at the end of the colours: three times the noise of a good scanner
 POINT_SHARE = 1 / 400  # of the length: a point's size, 2 pixels where the member fills a screen
 
 
@@ -150,8 +149,7 @@ class Viewer:
         self.show_design(result.element)
         found = result.status != "not_scanned"
         if scan is not None:
-            noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
-            largest_m = max(LEAST_LARGEST_M, round(3 * noise_m, 3))
+            largest_m = largest_shown_m(result.range_noise_m)
             distances_m = self._distances(result, scan) if found else None
             if distances_m is not None:
                 on_surface = self._local(scan.points[distances_m < largest_m])

@@ -462,6 +462,16 @@ def test_ctrl_c_keeps_points_that_were_all_handed_out_and_no_others(built, tmp_p
         with pytest.raises(KeyboardInterrupt):
             run(lambda stage, *_: stages.add(stage))
     assert stages == {"reading the design"}, "the scan is not read again"
+    noted = json.loads((points / "complete.json").read_text())
+    for note in ([], "complete", {**noted, "received": "all"}, {**noted, "stations": [1]}, {**noted, "extent": None}):
+        (points / "complete.json").write_text(json.dumps(note))
+        with monkeypatch.context() as patch:
+            patch.setattr(Fits, "first", stopped)
+            stages = set()
+            with pytest.raises(KeyboardInterrupt):
+                run(lambda stage, *_, stages=stages: stages.add(stage))
+        assert "handing out points" in stages, note
+        assert json.loads((points / "complete.json").read_text()) == noted
 
 
 def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):

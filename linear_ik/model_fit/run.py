@@ -20,7 +20,7 @@ from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
 from linear_ik.model_fit.fits import Fits, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
-from linear_ik.model_fit.handed_out import Listener, Pieces
+from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import scan_to_model, why_nothing
@@ -118,13 +118,13 @@ def fit_model(
     try:
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
-        _hand_out(fits, folder, pieces, listener)
+        points = _hand_out(fits, folder, pieces, listener)
         note_design(folder.path, model.source, design_path)
         fits.take_over()
         clock.lap("hand_out")
-        fits.first(pool, listener)
+        fits.first(points, pool, listener)
         clock.lap("first_fits")
-        fits.contest(pool, listener)
+        fits.contest(points, pool, listener)
         clock.lap("contest")
         pool.close()
         found, report = _write(fits, model, design_path, pieces, listener)
@@ -167,10 +167,10 @@ class _Clock:
         return {**self._laps, "total": time.perf_counter() - self._began}
 
 
-def _hand_out(fits: Fits, folder: RunFolder, pieces: Pieces, listener: Listener) -> None:
+def _hand_out(fits: Fits, folder: RunFolder, pieces: Pieces, listener: Listener) -> HandedOut | None:
     """Take over what is known and hand out the scan; leave nothing behind where that comes to no good."""
     try:
-        fits.prepare(pieces, listener)
+        return fits.prepare(pieces, listener)
     except LinearIkError:
         folder.take_back()
         raise
