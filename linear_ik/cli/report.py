@@ -94,5 +94,5 @@ def report(
         for kind in ("fail", "inconclusive"):
             judged = [v for member in run.members for v in member.verdicts if v.outcome == kind]
             if judged:
-                print(f"{kind:<13}most often: {most_frequent(judged)}", file=sys.stderr)
+                print(f"{kind:<13}most often: {most_frequent(judged, called='verdicts')}", file=sys.stderr)
         print(f"{'written':<11}{output}", file=sys.stderr)
