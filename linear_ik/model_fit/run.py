@@ -23,7 +23,7 @@ from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
-from linear_ik.model_fit.placing import scan_to_model, why_nothing
+from linear_ik.model_fit.placing import Sample, scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
@@ -118,7 +118,15 @@ def fit_model(
     try:
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
-        points = _hand_out(fits, folder, pieces, listener)
+        sample = Sample()
+        points = _hand_out(fits, folder, lambda near: sample.of(pieces(near)), listener)
+        # Who has said how the scan lies, or in what unit it is, is believed.
+        if T is None and options.scan_unit is None:
+            try:
+                sample.check(model, fits.extent, paths[0])
+            except LinearIkError:
+                folder.take_back()
+                raise
         note_design(folder.path, model.source, design_path)
         fits.take_over()
         clock.lap("hand_out")
