@@ -89,7 +89,7 @@ def align(
     near: npt.ArrayLike | None = None,
     levelled: bool = True,
     on_step: Callable[[str, float], None] | None = None,
-    unit: str = "m",
+    unit: str | None = None,
 ) -> Alignment:
     """Return the rigid motion that takes a scan into the model's coordinates.
 
@@ -234,7 +234,7 @@ def _judge(
     return status, tuple(reasons)
 
 
-def _parts(scans: tuple[Points, ...], unit: str, on_left_out: Callable[[int], None]) -> Iterator[Array]:
+def _parts(scans: tuple[Points, ...], unit: str | None, on_left_out: Callable[[int], None]) -> Iterator[Array]:
     for scan in scans:
         if isinstance(scan, Scan):
             parts: Iterable[Scan] = [scan]

@@ -15,13 +15,13 @@ import numpy.typing as npt
 from scipy.stats import chi2
 
 from linear_ik.movement import LEAST_SIGMA_M, Movement
+from linear_ik.side_noise import MAD_TO_SD
 
 Array = npt.NDArray[np.float64]
 
 FEWEST = 3  # two elements cannot say which of them moved
 ROUNDS = 30
 TUKEY = 4.685  # standard deviations at which an element counts nothing: 95 % efficient where none has moved
-TO_SIGMA = 1.482602  # of a normal distribution, from its median deviation
 FLAT = 1e-3  # elements in a row, or on one spot, say nothing about a rotation about it: of the largest extent
 
 
@@ -78,7 +78,7 @@ def common_shift(movements: Sequence[Movement]) -> CommonShift | None:
     for _ in range(ROUNDS):
         off = np.array([np.sqrt(_squared(block, x) / 3.0) for block in blocks])
         # Covariances that are too small must not make most elements outliers.
-        scale = max(1.0, TO_SIGMA * float(np.median(off)))
+        scale = max(1.0, MAD_TO_SD * float(np.median(off)))
         weights = np.clip(1.0 - (off / (TUKEY * scale)) ** 2, 0.0, None) ** 2
         before, x = x, np.linalg.solve(np.tensordot(weights, H, 1), np.tensordot(weights, g, 1))
         if np.abs(x - before).max() < 1e-9:

@@ -175,7 +175,7 @@ def deviations(
     departures = np.einsum("kij,ki->kj", sections, departure)
     # Across the design at each node: of a design that is curved, a slide along it is none between two nodes either.
     aside = bands.projected(np.einsum("kai,kaj->kij", sections, sections))
-    at = np.minimum(np.round(t).astype(int), n)
+    at = np.floor(t).astype(int)  # the segment that a place is on, as of nodes: the one after, of the last the same
     off = Sums.of(bands, between @ relative, between @ offset @ axes, axes, t, step_m)
     away = Sums(aside, between, between @ departures, sections[at], t, step_m)
     segments: Array = np.arange(n, dtype=np.float64) + 0.5

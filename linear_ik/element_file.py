@@ -152,7 +152,7 @@ def _parse(text: str) -> Any:
 def _mapping(name: str, value: object, keys: tuple[str, ...], required: tuple[str, ...] = ()) -> Mapping[str, Any]:
     inside = "" if name == "element" else f"{name}."
     if not isinstance(value, Mapping):
-        raise ElementError(name, f"{_short(value)} is not a set of keys", "keys: " + ", ".join(keys))
+        raise ElementError(name, f"{reprlib.repr(value)} is not a set of keys", "keys: " + ", ".join(keys))
     for key in value:
         if not isinstance(key, str) or key not in keys:
             raise ElementError(f"{inside}{_bare(key)}", "unknown key", _nearest(key, keys))
@@ -170,7 +170,9 @@ def _profile(name: str, value: object) -> Profile:
         except ElementError as error:
             raise error.about(name) from None
     if not isinstance(value, Mapping):
-        raise ElementError(name, f"{_short(value)} is not a set of keys", "type and dimensions, or a section's name")
+        raise ElementError(
+            name, f"{reprlib.repr(value)} is not a set of keys", "type and dimensions, or a section's name"
+        )
     if "type" not in value:
         raise ElementError(name, "key type is missing", "one of " + ", ".join(types))
     kind = value["type"]
@@ -258,7 +260,7 @@ def _within(name: str, cls: Callable[..., Profile], values: dict[str, Any]) -> P
 
 
 def _fail(name: str, value: object, kind: str, expected: str) -> NoReturn:
-    what = "has no value" if value is None else f"{_short(value)} is not {kind}"
+    what = "has no value" if value is None else f"{reprlib.repr(value)} is not {kind}"
     raise ElementError(name, what, expected)
 
 
@@ -267,11 +269,6 @@ def _nearest(value: object, choices: tuple[str, ...]) -> str:
     return f"did you mean {near[0]}?" if near else "one of " + ", ".join(choices)
 
 
-def _short(value: object) -> str:
-    """Return a repr of bounded length, however large the value is."""
-    return reprlib.repr(value)
-
-
 def _bare(value: object) -> str:
     """Return a key or type as it stands in the file, if it looks like one."""
-    return value if isinstance(value, str) and value.isidentifier() and len(value) <= 60 else _short(value)
+    return value if isinstance(value, str) and value.isidentifier() and len(value) <= 60 else reprlib.repr(value)

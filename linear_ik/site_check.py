@@ -18,7 +18,7 @@ from linear_ik.coordinates import coarse_step_m
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import DesignError
 from linear_ik.scan import Scan
-from linear_ik.site_frames import FrameFinding, Hits, compare_frames
+from linear_ik.site_frames import CLEARLY, FrameFinding, Hits, compare_frames, sure_change
 from linear_ik.site_samples import SurfaceSamples, sample_surfaces
 
 Array = npt.NDArray[np.float64]
@@ -131,6 +131,16 @@ class SiteCheck:
             finding = FrameFinding(finding.place, (*finding.sentences, text), finding.share)
         near = self._near(read, finding.place, on_progress)
         return ScanCheck(name, count, low, high, len(stations) or None, finding, near, left_out)
+
+    def sure_change(self, sample: Array, near: float) -> str:
+        """Return what a scan's coordinates have to be changed by, as a sentence; empty unless that is beyond doubt.
+
+        Args:
+            sample: [P][3] some points of the whole scan, in what should be the model's coordinates.
+            near: share of the scan's points that are near an element as it is, in a fit's wider sense.
+        """
+        sentence, share = sure_change(self.model, sample[:: max(1, len(sample) // SAMPLE)], self._hits)
+        return sentence if share > CLEARLY * near else ""
 
     def coverage(self, checks: Iterable[ScanCheck]) -> list[Coverage]:
         """Return what scans show together of each member, in the model's order."""

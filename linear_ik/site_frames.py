@@ -25,6 +25,8 @@ SWAPS = {
 LEAST_SHARE = 0.02  # of the points near some member: less is worth a word
 CLEARLY = 3.0  # times the weight that is without the change
 FAR_M = 1000.0
+# Of a change of coordinates that is beyond doubt: points that it brings near a member, and times the weight without it.
+SURE_SHARE, SURELY = 0.2, 10.0
 LARGE = 100.0  # times the size of the model: another unit
 
 
@@ -89,6 +91,25 @@ def compare_frames(model: DesignModel, sample: Array, box_m: Array, count: Count
         return FrameFinding("map", (there,), on_map.share)
     few = as_it_is.share < LEAST_SHARE
     return FrameFinding("model", _apart(model, sample, box_m, as_it_is.share) if few else (), as_it_is.share)
+
+
+def sure_change(model: DesignModel, sample: Array, count: Count) -> tuple[str, float]:
+    """Return what a scan's coordinates have to be, as a sentence, and the share of points it brings near some member.
+
+    The sentence is empty unless the scan as it is has next to nothing to do with the model.
+
+    Args:
+        model: the design.
+        sample: [P][3] some points of the whole scan.
+        count: of points [P][3] in the model's coordinates, those that are near a member.
+    """
+    conversion = model.map_conversion
+    best = count(sample).weight
+    if conversion is not None:
+        best = max(best, count(conversion.to_model(sample)).weight)
+    sentence, changed = _changes(sample, conversion, count)
+    sure = changed.share >= SURE_SHARE and changed.weight > SURELY * best
+    return (sentence, changed.share) if sure else ("", 0.0)
 
 
 def _changes(sample: Array, conversion: MapConversion | None, count: Count) -> tuple[str, Hits]:

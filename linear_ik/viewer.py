@@ -21,7 +21,7 @@ from linear_ik.element import Element
 from linear_ik.result import FitResult, IterationRecord
 from linear_ik.scan import Scan
 from linear_ik.viewer_camera import seen_side, turn_camera
-from linear_ik.viewer_cloud import SCANNED, colours_of, near, ramp, rows_shown
+from linear_ik.viewer_cloud import SCANNED, colours_of, largest_shown_m, near, ramp, rows_shown
 from linear_ik.viewer_page import Scene
 from linear_ik.viewer_pairs import FittedSurface, LivePairs, show_pairs
 from linear_ik.viewer_playback import Playback
@@ -49,7 +49,6 @@ FITTED_OPACITY, DESIGNED_OPACITY = 0.5, 0.35  # the points inside both are seen,
 DESIGNED, FITTED = 0xFFFFFF, 0x35B24A
 # As three.js draws axes.
 AXES = "linear-gradient(90deg, #f60 33%, #3f0 33% 66%, #06f 66%)"
-LEAST_LARGEST_M = 0.003  # at the end of the colours: three times the noise of a good scanner
 POINT_SHARE = 1 / 400  # of the length: a point's size, 2 pixels where the member fills a screen
 
 
@@ -68,19 +67,18 @@ class Viewer:
         self._vis = Visualizer(window=self.scene)
         self._origin: Array | None = None
         self._element: Element | None = None
-        self._chain: Chain | None = None
+        self._chain: tuple[Element, Chain] | None = None
         self._fitted: Element | None = None
         self._playback: Playback | None = None
         self._shown_s = -math.inf
         self._shown: Array = np.empty((0, 3))
         self._pairs: LivePairs | None = None
-        self._show_pairs = False
         self._vis["/Background"].set_property("top_color", [0.45, 0.50, 0.56])
         self._vis["/Background"].set_property("bottom_color", [0.16, 0.18, 0.21])
 
     def show_design(self, element: Element) -> None:
         """Show an element as designed, and turn the camera to it."""
-        self._element, self._chain = element, Chain.of(element)
+        self._element = element
         T = element.placement.T_world_element
         start, end = designed_nodes_m(element)[[0, -1]]
         self._look_at(start, end, T[:3, 0] + T[:3, 1])
@@ -128,10 +126,12 @@ class Viewer:
             q: [3N] Pinocchio's configuration, (z, y, x) a segment.
             base_pose: T_world_base [4][4].
         """
+        if self._element is None:
+            self._element = element
         if self._origin is None:
-            nodes = Chain.of(element).nodes(q) @ np.asarray(base_pose)[:3, :3].T + np.asarray(base_pose)[:3, 3]
+            nodes = self._chain_of(element).nodes(q) @ np.asarray(base_pose)[:3, :3].T + np.asarray(base_pose)[:3, 3]
             self._look_at(nodes[0], nodes[-1], np.asarray(base_pose)[:3, :2].sum(axis=1))
-        if self._fitted is not element:
+        if self._fitted != element:
             self._vis["fitted"].delete()
             green = material(FITTED, FITTED_OPACITY)
             for k, body in enumerate(segment_bodies(element)):
@@ -150,8 +150,7 @@ class Viewer:
         self.show_design(result.element)
         found = result.status != "not_scanned"
         if scan is not None:
-            noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
-            largest_m = max(LEAST_LARGEST_M, round(3 * noise_m, 3))
+            largest_m = largest_shown_m(result.range_noise_m)
             distances_m = self._distances(result, scan) if found else None
             if distances_m is not None:
                 on_surface = self._local(scan.points[distances_m < largest_m])
@@ -204,9 +203,9 @@ class Viewer:
         """Offer the pairs of scan points and surface while a fit runs; they are drawn where somebody asks for them.
 
         Args:
-            shown: from the start, without being asked.
+            shown: from the start, until whoever looks says otherwise.
         """
-        self._show_pairs = shown
+        self.scene.wanted = frozenset({"pairs"} if shown else ())
         self.scene.tell("live", pairs=shown)
 
     def _show_record(self, record: IterationRecord) -> None:
@@ -217,7 +216,7 @@ class Viewer:
             # The fit tries how many segments there are, and may be at another number than what is shown.
             element = replace(element, segments=len(record.q) // 3, auto_segments=False)
         self.show_fit(element, record.q, record.base_pose)
-        if self._show_pairs or self.scene.asked_for("pairs"):
+        if self.scene.asked_for("pairs"):
             if self._pairs is None:
                 self._pairs = LivePairs(self._local(self._shown[near(self._shown, element)]))
             self._pairs.show(self._vis, element, self._poses(element, record.q, record.base_pose), record.scale_m)
@@ -254,11 +253,15 @@ class Viewer:
 
     def _poses(self, element: Element, q: npt.ArrayLike, base_pose: npt.ArrayLike) -> list[Array]:
         """Return T_view_segment [4][4] of each segment."""
-        if self._chain is None or self._element is not element:
-            self._element, self._chain = element, Chain.of(element)
         T_world_base = np.array(base_pose, dtype=np.float64)
         T_world_base[:3, 3] = self._local(T_world_base[:3, 3])
-        return [T_world_base @ T for T in self._chain.segment_poses(q)]
+        return [T_world_base @ T for T in self._chain_of(element).segment_poses(q)]
+
+    def _chain_of(self, element: Element) -> Chain:
+        """Return an element's chain; the last one is kept, as many states are of it."""
+        if self._chain is None or self._chain[0] != element:
+            self._chain = element, Chain.of(element)
+        return self._chain[1]
 
     def _distances(self, result: FitResult, scan: Scan) -> Array:
         """Return the distance of every point [P] to the fitted surface."""

@@ -19,7 +19,8 @@ SCANNED = (0.75, 0.78, 0.82)
 # Distance to the fitted surface, as a share of the largest shown: blue, yellow, red; grey beyond ten times that.
 COLOUR_STOPS = (0.0, 0.5, 1.0)
 COLOURS = ((0.16, 0.38, 0.95), (0.98, 0.85, 0.25), (0.90, 0.15, 0.12))
-ELSEWHERE = 10.0  # ours: at ten times the scanner's noise a point is another body's
+ELSEWHERE = 10.0  # times the largest shown, thirty times a scanner's noise: such a point is another body's
+LEAST_LARGEST_M = 0.003  # at the end of the colours: three times the noise of a good scanner
 
 
 def rows_shown(points: Array, element: Element | None) -> Index:
@@ -49,6 +50,11 @@ def colours_of(share: Array) -> tuple[Array, npt.NDArray[np.bool_]]:
     mixed = [np.interp(share[on_element], COLOUR_STOPS, c) for c in zip(*COLOURS, strict=True)]
     colours[on_element] = np.column_stack(mixed)
     return colours, on_element
+
+
+def largest_shown_m(noise_m: float) -> float:
+    """Return the distance at the end of the colours: three times a scan's noise, in whole millimetres; NaN: unknown."""
+    return max(LEAST_LARGEST_M, round(3 * noise_m, 3)) if np.isfinite(noise_m) else LEAST_LARGEST_M
 
 
 def ramp() -> str:

@@ -71,12 +71,14 @@ class Scene:
     Attributes:
         title: of the page.
         captions: lines of the legend: (colour in CSS or None, text).
+        wanted: what a browser that joins asks to see until it says otherwise, such as pairs.
     """
 
     def __init__(self, title: str = "linear_ik") -> None:
         """Start empty."""
         self.title = title
         self.captions: list[tuple[str | None, str]] = []
+        self.wanted: frozenset[str] = frozenset()
         self._commands: dict[tuple[str, str, str], bytes] = {}
         self._lock = threading.Lock()
         self._server: _Server | None = None
@@ -152,8 +154,10 @@ class Scene:
         return self._server is None or self.watchers() > 0
 
     def asked_for(self, what: str) -> bool:
-        """Say whether somebody who follows the scene has asked to see something (see player.js)."""
-        return self._server is not None and what in self._server.wanted.values()
+        """Say whether somebody who follows the scene asks to see something (see player.js); unserved, as `wanted`."""
+        if self._server is None:
+            return what in self.wanted
+        return any(what in wishes for wishes in list(self._server.wanted.values()))
 
     def close(self) -> None:
         """Stop serving."""
@@ -183,7 +187,7 @@ class _Server:
 
     def __init__(self, scene: Scene, port: int | None) -> None:
         self.sockets: set[WebSocketHandler] = set()
-        self.wanted: dict[WebSocketHandler, str] = {}
+        self.wanted: dict[WebSocketHandler, frozenset[str]] = {}
         self.url = ""
         self._scene = scene
         self._port = port
@@ -221,6 +225,7 @@ class _Server:
         class Follow(tornado.websocket.WebSocketHandler):
             def open(self, *args: str, **kwargs: str) -> None:
                 # Joined first, told after: a command between the two arrives twice instead of never.
+                server.wanted[self] = server._scene.wanted
                 server.sockets.add(self)
                 for data in server._scene.commands():
                     self.write_message(data, binary=True)
@@ -228,9 +233,9 @@ class _Server:
             def on_message(self, message: str | bytes) -> None:
                 # All that a page may say.
                 if message == "pairs":
-                    server.wanted[self] = "pairs"
+                    server.wanted[self] = frozenset({"pairs"})
                 elif message == "no pairs":
-                    server.wanted.pop(self, None)
+                    server.wanted[self] = frozenset()
 
             def on_close(self) -> None:
                 server.sockets.discard(self)

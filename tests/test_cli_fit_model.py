@@ -165,7 +165,7 @@ def test_nothing_of_it_in_the_scan_is_exit_code_3(frame, tmp_path):
         (["--workers", "-2"], "error: --workers: -2 (a whole number from 0 to 1000)"),
         (["--memory", "1"], "error: --memory: 1.0 (a number from 16 to 1e+06)"),
         (["--urdf", "x.urdf"], "error: --urdf: is for one element (not with a design model)"),
-        (["--inverse"], "error: --inverse: given without --transform (both)"),
+        (["--inverse"], "error: --inverse: given without --transform (--transform T.txt)"),
         (["--range-noise", "-1"], "error: --range-noise: -1.0 (a number from 1e-06 to 1)"),
         (["--transform", "no.txt"], "error: no.txt: cannot be read: No such file or directory"),
     ],

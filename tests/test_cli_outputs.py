@@ -36,6 +36,9 @@ def test_outputs_are_checked_before_the_work(folder, tmp_path, capsys, monkeypat
             assert err.startswith(f"error: {path}: ") and said in err and err.count("\n") == 1 and not out
     assert fit_to(folder, tmp_path / "r.json", *more, str(tmp_path / "r.json")) == 2
     assert "two outputs" in capsys.readouterr().err
+    beside = ["--urdf", f"{tmp_path}/b.urdf", "--record", f"{tmp_path}/b_joints.json"]
+    assert fit_to(folder, tmp_path / "r.json", *more, str(tmp_path / "m"), *beside) == 2
+    assert "b_joints.json: is given for two outputs" in capsys.readouterr().err
     assert sorted(os.listdir(tmp_path)) == before and (folder / "scan.ply").read_bytes() == scan
 
 

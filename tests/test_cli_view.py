@@ -119,7 +119,7 @@ def test_fit_shows_every_iteration_when_watched(folder, tmp_path, monkeypatch, c
     assert seen == list(range(1, read_result(tmp_path / "r.json").iterations + 1))
     assert "viewer     http://127.0.0.1:" in capfd.readouterr().err
     assert main(["fit", *files, "--pairs"]) == 2
-    assert capfd.readouterr().err == "error: --pairs: given without --view (both)\n"
+    assert capfd.readouterr().err == "error: --pairs: given without --view (--view)\n"
 
 
 def test_demo_finds_its_truth_and_names_its_files(here, capfd):

@@ -174,6 +174,21 @@ def arc() -> Element:
     return Element("arc", Circle(0.05), length_m, 4, BEAM, axis_points=tuple(map(tuple, points.tolist())))
 
 
+def test_a_place_between_nodes_is_seen_across_its_own_segment() -> None:
+    """Of a polyline each segment is straight: along it the departure from the design changes evenly."""
+    corners = ((0.0, 0.0, 0.0), (0.0, 0.0, 1.0), (0.8, 0.0, 1.6), (0.8, 0.0, 2.6))
+    zigzag = Element("z", H, 3.0, 3, BEAM, axis_points=corners)
+    d = deviations(posed(zigzag, zigzag.design.angles_rad + np.radians([[1.0, 0, 0], [0, 2.0, 0], [0, 0, 3.0]])))
+    between, t = d.departure_between_m, d.departure_between_m.s_m / (zigzag.length_m / 3)
+    for k in range(3):
+        inside = (t > k + 1e-9) & (t < k + 1 - 1e-9)
+        assert inside.sum() > 10 and np.abs(np.diff(between.xy[inside], axis=0)).max() > 1e-5
+        np.testing.assert_allclose(np.diff(between.xy[inside], 2, axis=0), 0.0, atol=1e-9)
+    at = [int(np.argmin(np.abs(t - k))) for k in range(4)]
+    np.testing.assert_allclose(between.xy[at], d.departure_m.xy, atol=1e-12)
+    np.testing.assert_allclose(between.band[at], d.departure_m.band, rtol=1e-9, atol=1e-15)
+
+
 def test_the_tip_of_a_curved_design_is_compared_with_its_designed_tip() -> None:
     result = posed(arc(), arc().design.angles_rad)
     assert tip_displacement(result).startswith("0.00 mm from the design")

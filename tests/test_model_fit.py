@@ -28,6 +28,7 @@ from linear_ik.rigid import check_rigid
 from linear_ik.scan import Scan
 
 HERE = {"workers": 0}
+Y_UP = np.array([[1.0, 0, 0], [0, 0, -1], [0, 1, 0]])  # rows (x, y, z) of points, times it: (x, z, -y)
 
 
 @pytest.fixture(scope="module")
@@ -346,7 +347,9 @@ def test_a_scan_elsewhere_is_told_why(built, tmp_path, change, hint):
         placement = Placement((0.5, 1.0, 1.6), (1, 0, 0))
         pipe = replace(pipe, element=replace(pipe.element, placement=placement))
     model = replace(design(), members=(pipe,))
-    found = fit_model(model, [tmp_path / "scan.ply"], tmp_path / "out", options=ModelFitOptions(**HERE))
+    # Unless the person has said the unit, millimetres are refused.
+    options = ModelFitOptions(**HERE, scan_unit="m")
+    found = fit_model(model, [tmp_path / "scan.ply"], tmp_path / "out", options=options)
     assert found.fitted == 0
     assert found.notes == (f"no point is near an element{hint}",)
 
@@ -462,6 +465,42 @@ def test_ctrl_c_keeps_points_that_were_all_handed_out_and_no_others(built, tmp_p
         with pytest.raises(KeyboardInterrupt):
             run(lambda stage, *_: stages.add(stage))
     assert stages == {"reading the design"}, "the scan is not read again"
+    noted = json.loads((points / "complete.json").read_text())
+    for note in ([], "complete", {**noted, "received": "all"}, {**noted, "stations": [1]}, {**noted, "extent": None}):
+        (points / "complete.json").write_text(json.dumps(note))
+        with monkeypatch.context() as patch:
+            patch.setattr(Fits, "first", stopped)
+            stages = set()
+            with pytest.raises(KeyboardInterrupt):
+                run(lambda stage, *_, stages=stages: stages.add(stage))
+        assert "handing out points" in stages, note
+        assert json.loads((points / "complete.json").read_text()) == noted
+
+
+@pytest.mark.parametrize("said, to_scan", [("--scan-unit ft", np.eye(3) / 0.3048), ("y up instead of z", Y_UP)])
+def test_a_scan_that_is_surely_in_other_coordinates_is_refused_before_the_fits(
+    built, tmp_path, monkeypatch, said, to_scan
+):
+    from linear_ik.model_fit.fits import Fits
+
+    class FitsBegan(Exception):
+        pass
+
+    def began(*_):
+        raise FitsBegan
+
+    monkeypatch.setattr(Fits, "first", began)
+    scan = linear_ik.write_scan(
+        linear_ik.Scan(linear_ik.read_scan(built.scan).points @ to_scan), tmp_path / "other.ply"
+    )
+    with pytest.raises(LinearIkError, match=f"other.ply: .*{said}"):
+        fit_model(built.design, [scan], tmp_path / "run", options=ModelFitOptions(**HERE))
+    assert not (tmp_path / "run").exists()
+    # The person knows better; and a scan that is in its place is none the worse.
+    with pytest.raises(FitsBegan):
+        fit_model(built.design, [scan], tmp_path / "run", options=ModelFitOptions(**HERE, scan_unit="m"))
+    with pytest.raises(FitsBegan):
+        fit_model(built.design, [built.scan], tmp_path / "run", options=ModelFitOptions(**HERE))
 
 
 def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):

@@ -53,7 +53,7 @@ def test_what_the_columns_say_must_be_what_the_person_says(tmp_path):
     (tmp_path / "a.csv").write_text("x [mm],y [mm],z [mm]\n1000,2000,3000\n")
     np.testing.assert_allclose(linear_ik.read_scan(tmp_path / "a.csv", unit="mm").points, [[1, 2, 3]])
     for unit in ("m", "ft"):
-        with pytest.raises(ScanError, match="columns are in mm.*--scan-unit mm"):
+        with pytest.raises(ScanError, match="numbers are in mm.*--scan-unit mm"):
             linear_ik.read_scan(tmp_path / "a.csv", unit=unit)
     (tmp_path / "a.csv").write_text("x [mm],y [mm],z [m]\n1000,2000,3000\n")
     with pytest.raises(ScanError, match="m and mm"):
@@ -93,8 +93,66 @@ def test_metres_are_what_is_expected(tmp_path, comment):
     path = tmp_path / "a.xyz"
     path.write_text(f"{comment}\n1 2 3\n")
     np.testing.assert_array_equal(linear_ik.read_scan(path).points, [[1, 2, 3]])
+
+
+def test_names_of_columns_bind_the_person_too(tmp_path):
+    path = tmp_path / "a.xyz"
+    path.write_text("# x_m y_m z_m\n1 2 3\n")
     with pytest.raises(ScanError, match="in m, not mm"):
         linear_ik.read_scan(path, unit="mm")
+
+
+@pytest.mark.parametrize(
+    "comment",
+    [
+        "# units of accuracy: mm",
+        "# Unit of intensity: mm",
+        "# range noise values are in mm",
+        "# numbers in mm",
+        "# units: mm (accuracy), coordinates in m",
+        "# units: mm/s",
+    ],
+)
+def test_units_of_anything_else_are_not_those_of_coordinates(tmp_path, comment):
+    path = tmp_path / "a.xyz"
+    path.write_text(f"{comment}\n1 2 3\n")
+    np.testing.assert_array_equal(linear_ik.read_scan(path).points, [[1, 2, 3]])
+
+
+@pytest.mark.parametrize(
+    "comment, unit",
+    [
+        ("# units: u.s. survey feet", "us-ft"),
+        ("# units: US Survey Foot", "us-ft"),
+        ("# unit = Foot_US", "us-ft"),
+        ("# units of measure: international feet", "ft"),
+        ("# coordinates in feet.", "ft"),
+        ("# units: in", "in"),
+    ],
+)
+def test_other_ways_to_name_feet(tmp_path, comment, unit):
+    path = tmp_path / "a.xyz"
+    path.write_text(f"{comment}\n1 2 3\n")
+    with pytest.raises(ScanError, match=f"--scan-unit {unit}$|--scan-unit {unit}\\)$"):
+        linear_ik.read_scan(path)
+
+
+@pytest.mark.parametrize("comment", ["# units: km", "# units: microns", "# unit = µm", "# points in kilometres"])
+def test_a_length_that_is_no_unit_of_a_scan_is_never_read_as_metres(tmp_path, comment):
+    path = tmp_path / "a.xyz"
+    path.write_text(f"{comment}\n1 2 3\n", encoding="utf-8")
+    with pytest.raises(ScanError, match="line 1 says that its unit is .*--scan-unit"):
+        linear_ik.read_scan(path)
+
+
+@pytest.mark.parametrize("comment", ["# units: mm", "# units: km", "# units: mm\n# coordinates in feet"])
+def test_the_person_has_the_last_word_on_a_comment(tmp_path, comment):
+    path = tmp_path / "a.xyz"
+    path.write_text(f"{comment}\n1 2 3\n")
+    with pytest.raises(ScanError):
+        linear_ik.read_scan(path)
+    np.testing.assert_array_equal(linear_ik.read_scan(path, unit="m").points, [[1, 2, 3]])
+    np.testing.assert_allclose(linear_ik.read_scan(path, unit="cm").points, [[0.01, 0.02, 0.03]])
 
 
 def test_a_comment_and_columns_that_contradict_each_other(tmp_path):

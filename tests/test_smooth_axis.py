@@ -200,6 +200,7 @@ def test_a_kinked_body_is_mitred_and_its_axis_has_each_node_once(tmp_path):
     angles[1, 0] = np.radians(-150.0)
     scene = trimesh.load_scene(write_smooth_glb(posed(Element("m", H, 2.0, 5), angles), tmp_path / "m.glb"))
     assert len(scene.metadata["linear_ik"]["axis_m"]) == 21
+    assert len(np.unique(scene.geometry["member"].vertices.round(6), axis=0)) == 4 * 22
 
 
 def test_a_chain_without_a_smooth_curve_is_said(tmp_path):
@@ -225,7 +226,7 @@ def test_the_command_line(tmp_path):
     )
     done = run("fit", "bar.yaml", "scan.xyz", "-o", "r.json", "--smooth", cwd=tmp_path)
     assert done.returncode == 2 and not (tmp_path / "r.json").exists()
-    assert done.stderr == "error: --smooth: given without --glb (both)\n"
+    assert done.stderr == "error: --smooth: given without --glb (--glb OUT.glb)\n"
     done = run("fit", "bar.yaml", "scan.xyz", "-o", "r.json", "--glb", "m.glb", "--smooth", cwd=tmp_path)
     assert done.returncode == 0, done.stderr
     assert b'"member"' in (tmp_path / "m.glb").read_bytes()

@@ -481,6 +481,49 @@ def test_pairs_of_a_fit_that_runs_are_drawn_where_they_are_asked_for():
     assert live(viewer) is None  # those of the result's steps are in their place
 
 
+def test_whoever_looks_says_whether_pairs_are_computed():
+    from tornado.ioloop import IOLoop
+    from tornado.websocket import websocket_connect
+
+    viewer = Viewer()
+    viewer.follow_pairs(True)
+    assert viewer.scene.asked_for("pairs")  # for a file
+    url = viewer.serve().replace("http", "ws") + "scene"
+
+    async def look():
+        assert not viewer.scene.asked_for("pairs")  # nobody looks
+        page = await websocket_connect(url)
+        await page.read_message()
+        assert viewer.scene.asked_for("pairs")  # before the page has said anything
+        await page.write_message("no pairs")
+        await until(lambda: not viewer.scene.asked_for("pairs"))
+        await page.write_message("pairs")
+        await until(lambda: viewer.scene.asked_for("pairs"))
+        page.close()
+        await until(lambda: not viewer.scene.asked_for("pairs"))
+
+    async def until(true):
+        end = time.monotonic() + 10
+        while not true() and time.monotonic() < end:
+            await asyncio.sleep(0.01)
+        assert true()
+
+    try:
+        IOLoop().run_sync(look)
+    finally:
+        viewer.close()
+
+
+def test_the_scan_is_chosen_about_the_design_whatever_was_fitted(monkeypatch):
+    element = replace(column(segments=3, profile=RectangleHollow(0.2, 0.2, 0.01)), length_tolerance_m=0.1)
+    scan = simulate(element, points=500)
+    result = replace(fitted(element, scan), length_m=element.length_m - 0.05, length_sd_m=0.001)
+    about = []
+    monkeypatch.setattr("linear_ik.viewer.rows_shown", lambda points, of: about.append(of) or np.arange(len(points)))
+    Viewer().show_result(result, scan)
+    assert about == [element] and result.fitted_element != element
+
+
 @pytest.mark.skipif(CHROMIUM is None, reason="no Chromium (Debian: apt-get install chromium)")
 def test_the_page_renders_in_a_browser(tmp_path):
     element = column(profile=RectangleHollow(0.3, 0.4, 0.01))

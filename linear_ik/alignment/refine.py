@@ -12,13 +12,13 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.alignment.target import Target
+from linear_ik.side_noise import MAD_TO_SD
 
 Array = npt.NDArray[np.float64]
 
 LEAST_SCALE_M = 0.003
 ROUNDS_A_SCALE = 6
 LAST_ROUNDS = 15
-TO_SIGMA = 1.482602  # of a normal distribution, from its median deviation
 FEWEST = 20
 TIGHT_M = 0.02  # within it a point is explained
 
@@ -74,7 +74,7 @@ def noise_m(target: Target, scan: Array, T_target_scan: Array) -> float:  # noqa
     """Return the standard deviation of the explained points about the design's faces."""
     distance = _distances(target, scan, T_target_scan)
     near = distance[distance < TIGHT_M]
-    return TO_SIGMA * float(np.median(near)) if len(near) else LEAST_SCALE_M
+    return MAD_TO_SD * float(np.median(near)) if len(near) else LEAST_SCALE_M
 
 
 def share_within(target: Target, scan: Array, T_target_scan: Array, distance_m: float) -> float:  # noqa: N803

@@ -47,7 +47,7 @@ def align(
     levelled: Annotated[
         bool, typer.Option("--levelled/--any-tilt", help="The scanner was levelled; else any rotation is searched.")
     ] = True,
-    scan_unit: Annotated[str, unit_option()] = "m",
+    scan_unit: Annotated[str | None, unit_option()] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
 ) -> Outcome:
     """Read, align, write, and say what was found."""

@@ -16,7 +16,7 @@ def file_argument(metavar: str, about: str) -> Any:
     return typer.Argument(metavar=metavar, help=about, readable=False)
 
 
-def unit_option(about: str = "Of the files' numbers; they become metres.") -> Any:
+def unit_option(about: str = "Of the files' numbers, which become metres; else m.") -> Any:
     """Return the unit of scan files."""
     return typer.Option("--scan-unit", metavar="m|mm|cm|in|ft|us-ft", help=about, callback=_known_unit)
 

@@ -45,7 +45,7 @@ def check(
     obstacles: Annotated[
         bool, typer.Option("--obstacles/--no-obstacles", help="Read the other bodies too; takes longer.")
     ] = False,
-    scan_unit: Annotated[str, unit_option()] = "m",
+    scan_unit: Annotated[str | None, unit_option()] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
 ) -> Outcome:
     """Read the design, compare the scans, print."""
@@ -84,7 +84,7 @@ def check(
 
 
 def _check_scans(
-    model: DesignModel, paths: list[Path], progress: Progress, unit: str
+    model: DesignModel, paths: list[Path], progress: Progress, unit: str | None
 ) -> tuple[SiteCheck, list[ScanCheck]]:
     from linear_ik.readers import iter_scan
     from linear_ik.site_check import SiteCheck

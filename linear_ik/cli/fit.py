@@ -93,7 +93,7 @@ def fit(
     precamber: Annotated[float | None, precamber_option()] = None,
     supports: Annotated[str | None, supports_option()] = None,
     material: Annotated[str | None, material_option()] = None,
-    scan_unit: Annotated[str, unit_option()] = "m",
+    scan_unit: Annotated[str | None, unit_option()] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
     only: Annotated[
         str | None, typer.Option("--only", metavar="GUID,...", help=FOR_MODELS + "fit these elements.")

@@ -12,7 +12,7 @@ from linear_ik.cli.judging import describe_verdicts, judge, verdicts_of
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, about_options
 from linear_ik.cli.progress import Progress
-from linear_ik.errors import ElementError, LinearIkError, SettingsError
+from linear_ik.errors import ElementError, SettingsError
 
 if TYPE_CHECKING:
     from linear_ik.element import Element
@@ -56,7 +56,7 @@ def fit_one(
     wanted: Wanted,
     settings: FitSettings,
     segments: int | Literal["auto"] | None,
-    scan_unit: str,
+    scan_unit: str | None,
     judges: tuple[Profile | None, Conditions],
 ) -> Outcome:
     """Check everything, read, fit, write, and say what was found.
@@ -67,7 +67,7 @@ def fit_one(
         wanted: what is written and shown.
         settings: of the fit.
         segments: in place of the file's.
-        scan_unit: of the scan files' numbers.
+        scan_unit: of the scan files' numbers; None: not said.
         judges: tolerances, and under which conditions.
 
     Raises:
@@ -131,10 +131,10 @@ def _targets(wanted: Wanted, inputs: list[Path]) -> Wanted:
     """
     output, urdf, glb = wanted.output, wanted.urdf, wanted.glb
     if wanted.smooth and glb is None:
-        raise LinearIkError("--smooth", "given without --glb", "both")
+        raise SettingsError("--smooth", "given without --glb", "--glb OUT.glb")
     if wanted.pairs and not wanted.view:
-        raise LinearIkError("--pairs", "given without --view", "both")
-    others = [output, *(path for path in (urdf, glb) if path is not None)]
+        raise SettingsError("--pairs", "given without --view", "--view")
+    others = [path for path in (output, urdf, glb) if path is not None]
     targets = replace(
         wanted,
         output=output if is_stdout(output) else check_output(output, inputs),
@@ -145,7 +145,7 @@ def _targets(wanted: Wanted, inputs: list[Path]) -> Wanted:
     if urdf is not None:
         from linear_ik.exports.fitted_urdf import joints_path
 
-        check_output(joints_path(urdf), inputs, [output, urdf, *([glb] if glb else [])])
+        check_output(joints_path(urdf), inputs, [*others, *([wanted.record] if wanted.record else [])])
     return targets
 
 

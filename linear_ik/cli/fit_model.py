@@ -78,7 +78,7 @@ def fit_building(
         check_output(output / name, [design, *scans, *([] if transform is None else [transform])])
     given = {name: value for name, value in options.items() if value is not None}
     if inverse and transform is None:
-        raise LinearIkError("--inverse", "given without --transform", "both")
+        raise SettingsError("--inverse", "given without --transform", "--transform T.txt")
     if transform is not None:
         given["T_model_scan"] = read_transform(transform, inverse)
     if given.get("only") == ():

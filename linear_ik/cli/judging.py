@@ -78,7 +78,7 @@ def judged_by(
     }
     given = next((option for option, value in stated.items() if value is not None), None)
     if tolerances is None and given is not None:
-        raise SettingsError(given, "given without tolerances", "--tolerances NAME")
+        raise SettingsError(given, "given without --tolerances", "--tolerances NAME")
     return None if tolerances is None else load_tolerances(tolerances), known
 
 
@@ -95,7 +95,7 @@ def conditions_of_each(path: Path | None, profile: Profile | None, general: Cond
     if path is None:
         return ConditionsOfEach(general)
     if profile is None:
-        raise SettingsError("--conditions", "given without tolerances", "--tolerances NAME")
+        raise SettingsError("--conditions", "given without --tolerances", "--tolerances NAME")
     return load_conditions(path, general)
 
 
@@ -128,7 +128,7 @@ def describe_verdicts(judged: tuple[Verdict, ...]) -> list[str]:
     return [f"{'verdict':<11}{worst}{why}", *each]
 
 
-def most_frequent(judged: Iterable[Verdict], outcome: str | None = None) -> str:
+def most_frequent(judged: Iterable[Verdict], outcome: str | None = None, called: str = "clauses") -> str:
     """Return the most frequent reason of some verdicts, and of how many it is where there are several.
 
     Reasons that differ in their figures only count as one; the first of them is said.
@@ -136,9 +136,10 @@ def most_frequent(judged: Iterable[Verdict], outcome: str | None = None) -> str:
     Args:
         judged: the verdicts, at least one.
         outcome: count those only; None: all.
+        called: what is counted: of one member clauses, of several verdicts.
     """
     reasons = [v.reason for v in judged if outcome in (None, v.outcome)]
     kinds = Counter(FIGURES.sub("#", reason) for reason in reasons)
     kind, count = kinds.most_common(1)[0]
     said = next(reason for reason in reasons if FIGURES.sub("#", reason) == kind)
-    return said if len(reasons) == 1 else f"{said} ({count} of {len(reasons)} clauses)"
+    return said if len(reasons) == 1 else f"{said} ({count} of {len(reasons)} {called})"

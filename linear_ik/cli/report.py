@@ -53,7 +53,7 @@ def report(
     conditions: Annotated[
         Path | None,
         file_option(
-            "--conditions", metavar="FILE.yaml", about="These four for each element, by GlobalId, tag or name."
+            "--conditions", metavar="FILE.yaml", about="These and more of each element, by GlobalId, tag or name."
         ),
     ] = None,
     sections: Annotated[
@@ -83,7 +83,7 @@ def report(
             from linear_ik.readers import iter_scan
             from linear_ik.report import nearby
 
-            unit = scan_unit or run.about.get("options.scan_unit", "m")
+            unit = scan_unit or (run.about.get("options.scan_unit") or None)
             points = nearby(run, (piece for path in scans for piece in iter_scan(path, unit=unit)))
     with progress.stage("writing the report"):
         write_report(run, target, points, sections or (), lambda i, n: progress.update(f"writing element {i} of {n}"))
@@ -94,5 +94,5 @@ def report(
         for kind in ("fail", "inconclusive"):
             judged = [v for member in run.members for v in member.verdicts if v.outcome == kind]
             if judged:
-                print(f"{kind:<13}most often: {most_frequent(judged)}", file=sys.stderr)
+                print(f"{kind:<13}most often: {most_frequent(judged, called='verdicts')}", file=sys.stderr)
         print(f"{'written':<11}{output}", file=sys.stderr)

@@ -41,7 +41,7 @@ def view(
         Path | None,
         file_option("--html", metavar="PAGE.html", about="Write one self-contained page, serve nothing."),
     ] = None,
-    scan_unit: Annotated[str, unit_option()] = "m",
+    scan_unit: Annotated[str | None, unit_option()] = None,
     port: Annotated[int | None, typer.Option("--port", min=1, max=65535, help="The first free from 7000 on.")] = None,
     wait: Annotated[bool, typer.Option("--wait/--no-wait", help="Stay until Enter or Ctrl-C, or end at once.")] = True,
 ) -> None:

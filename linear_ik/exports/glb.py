@@ -75,7 +75,7 @@ def write_smooth_glb(result: FitResult, path: str | os.PathLike[str], pieces: in
 
     Nodes: ``scan`` -> ``member``; axes and local origin as in `write_glb`. The extras'
     ``linear_ik.axis_m`` are the points of the axis, in the coordinates of ``scan``, a kink's once. At a kink the
-    body is mitred where the segments beside it are long enough for that.
+    body is mitred, unless it turns back there or the pieces beside it are too short: then it keeps both sections.
 
     Args:
         result: of a fit that found the element.
@@ -103,9 +103,9 @@ def write_smooth_glb(result: FitResult, path: str | os.PathLike[str], pieces: in
     ]
     # A kink is there twice, with the direction before it and the one after.
     again = np.flatnonzero(np.diff(axis.s_m) == 0.0)
-    mitred = {int(i): _mitre(rings, points, axis.tangents, int(i)) for i in again}
-    rings = [mitred.get(i) if mitred.get(i) is not None else ring for i, ring in enumerate(rings)]
-    rings = [ring for i, ring in enumerate(rings) if mitred.get(i - 1) is None]
+    tried = {int(i): _mitre(rings, points, axis.tangents, int(i)) for i in again}
+    mitred = {i: ring for i, ring in tried.items() if ring is not None}
+    rings = [mitred.get(i, ring) for i, ring in enumerate(rings) if i - 1 not in mitred]
     m, sides = len(rings[0]), side_triangles(sections[0])
     triangles = [cap_triangles(sections[0])[:, ::-1], *(sides + i * m for i in range(len(rings) - 1))]
     triangles.append(cap_triangles(sections[-1]) + (len(rings) - 1) * m)

@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import hashlib
+import math
 import time
 from collections.abc import Iterable, Iterator
 from dataclasses import asdict, dataclass, replace
@@ -28,7 +29,6 @@ from linear_ik.site.obstacles import Mesh, ObstacleField
 Array = npt.NDArray[np.float64]
 
 RIVAL_REACH_M = 0.05
-NAN = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -94,7 +94,6 @@ class Fits:
         self._failures: dict[str, str] = {}
         self.fitted_now: set[str] = set()
         self.extent: dict[str, Any] = {}
-        self._points: HandedOut | None = None
         self._neighbourhoods: Neighbourhoods | None = None
 
     @property
@@ -123,20 +122,21 @@ class Fits:
             for m in self.members
         ]
 
-    def prepare(self, pieces: Pieces, listener: Listener) -> None:
-        """Take over what is known; hand out the scan unless nothing is left to fit."""
+    def prepare(self, pieces: Pieces, listener: Listener) -> HandedOut | None:
+        """Take over what is known; hand out the scan and return its points, or None where nothing is left to fit."""
         for member in self.members:
             known = self.folder.known(member.guid, "first", self.inputs[member.guid])
             if known is not None:
                 self._results[member.guid], self._facts[member.guid] = light(known[0]), known[1]
         if all(m.guid in self._results for m in self.members) and not self._open_contests():
             self.extent = self.folder.scan_extent(self._scan_inputs)
-            return
-        self._points = hand_out_once(
+            return None
+        points = hand_out_once(
             pieces, self.neighbourhoods, len(self.members), self.folder, self._handout_inputs, self.options, listener
         )
-        self.extent = self._points.extent
+        self.extent = points.extent
         self.folder.keep_scan_extent(self._scan_inputs, self.extent)
+        return points
 
     def take_over(self) -> None:
         """Let the folder hold results of these members alone; those of others wait beside it for another run."""
@@ -144,11 +144,14 @@ class Fits:
         for guid in self._results:
             self.folder.bring_back(guid)
 
-    def first(self, pool: Pool, listener: Listener) -> None:
-        """Fit every member that is not known."""
+    def first(self, points: HandedOut | None, pool: Pool, listener: Listener) -> None:
+        """Fit every member that is not known; with no ``points``, as `prepare` returns them, there is none."""
+        if points is None:
+            return
         missing = [i for i, m in enumerate(self.members) if m.guid not in self._results]
-        for outcome in self._run(pool, map(self._task, missing), len(missing), "fitting", listener):
-            facts = {**outcome.facts, "received": self._received(outcome.guid)}
+        tasks = (self._task(i, points) for i in missing)
+        for outcome in self._run(pool, tasks, len(missing), "fitting", listener):
+            facts = {**outcome.facts, "received": int(points.received[self._index[outcome.guid]])}
             if outcome.result is None:
                 self._failures[outcome.guid] = outcome.failure
                 self.folder.forget(outcome.guid)
@@ -156,8 +159,11 @@ class Fits:
             self.folder.keep(outcome.guid, "first", self.inputs[outcome.guid], outcome.result, facts)
             self._results[outcome.guid], self._facts[outcome.guid] = light(outcome.result), facts
 
-    def contest(self, pool: Pool, listener: Listener) -> None:
-        """Let neighbours compete for points, and fit again those who lose some. All start from the first fits."""
+    def contest(self, points: HandedOut | None, pool: Pool, listener: Listener) -> None:
+        """Let neighbours compete for points, and fit again those who lose some. All start from the first fits.
+
+        With no ``points``, as `prepare` returns them, every contest is known.
+        """
         rivals, inputs = self._rivals(), self._contest_inputs()
         open_ones = []
         finals: dict[str, tuple[FitResult, Facts]] = {}
@@ -173,13 +179,14 @@ class Fits:
                 open_ones.append(i)
         claimants = {j: Claimant.of(self._results[self.members[j].guid]) for i in open_ones for j in rivals[i]}
 
-        def tasks() -> Iterator[Task]:
+        def tasks(points: HandedOut) -> Iterator[Task]:
             for i in open_ones:
                 first = self._results[self.members[i].guid]
                 others = tuple(claimants[j] for j in rivals[i])
-                yield replace(self._task(i), first=first, rivals=others)
+                yield replace(self._task(i, points), first=first, rivals=others)
 
-        for outcome in self._run(pool, tasks(), len(open_ones), "settling between neighbours", listener):
+        stage = "settling between neighbours"
+        for outcome in () if points is None else self._run(pool, tasks(points), len(open_ones), stage, listener):
             guid = outcome.guid
             fp = inputs[self._index[guid]]
             facts = {**self._facts[guid], **outcome.facts}
@@ -200,7 +207,7 @@ class Fits:
     def _run(self, pool: Pool, tasks: Iterable[Task], count: int, stage: str, listener: Listener) -> Iterator[Outcome]:
         began, done = time.perf_counter(), 0
         if count:
-            listener(stage, 0, count, NAN)
+            listener(stage, 0, count, math.nan)
         for outcome in pool.run(tasks):
             done += 1
             if outcome.result is not None:
@@ -208,13 +215,12 @@ class Fits:
             yield outcome
             listener(stage, done, count, (time.perf_counter() - began) / done * (count - done))
 
-    def _task(self, i: int) -> Task:
-        assert self._points is not None
+    def _task(self, i: int, points: HandedOut) -> Task:
         member = self.members[i]
         return Task(
             member.guid,
             member.element,
-            *self._points.of(i),
+            *points.of(i),
             self.settings,
             self._obstacles(i),
             self._reach[i],
@@ -222,10 +228,6 @@ class Fits:
 
     def _obstacles(self, i: int) -> Mesh:
         return self._field.near(boxes_of(self.members[i].element, self._reach[i]))
-
-    def _received(self, guid: str) -> int:
-        assert self._points is not None
-        return int(self._points.received[self._index[guid]])
 
     def _rivals(self) -> dict[int, list[int]]:
         """Return for each member that has points and a result those that were found and may touch it."""

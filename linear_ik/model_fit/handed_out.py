@@ -3,8 +3,10 @@
 from __future__ import annotations
 
 import json
+import math
 from collections.abc import Callable, Iterable
 from dataclasses import dataclass
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -23,8 +25,6 @@ Listener = Callable[[str, int, int, float], object]
 """Called with the stage, how much of it is done, of how much (0: unknown), and the seconds it may still take (NaN)."""
 Pieces = Callable[[Array], Iterable[Scan]]
 """Gives the scan in the model's coordinates; what is in none of some boxes [B][2][3] may be left out."""
-
-NAN = float("nan")
 
 
 @dataclass(frozen=True, eq=False)
@@ -75,15 +75,14 @@ def hand_out_once(
         listener: told how many points are done.
     """
     note = folder.scratch / "complete.json"
-    memory = int(options.memory_mb * 2**20 / 2)
-    try:
-        done = json.loads(note.read_text(encoding="utf-8"))
-    except (OSError, ValueError):
-        done = {}
-    if done.get("inputs") != inputs:
-        spill = Spill(folder.new_scratch(), elements, options.max_points, memory)
+    memory_bytes = int(options.memory_mb * 2**20 / 2)
+    done = _earlier(note, inputs, elements)
+    if done is None:
+        spill = Spill(folder.new_scratch(), elements, options.max_points, memory_bytes)
         near = pieces(neighbourhoods.bounds_m)
-        extent = hand_out(near, neighbourhoods, spill, lambda points: listener("handing out points", points, 0, NAN))
+        extent = hand_out(
+            near, neighbourhoods, spill, lambda points: listener("handing out points", points, 0, math.nan)
+        )
         done = {
             "inputs": inputs,
             "received": spill.received.tolist(),
@@ -98,6 +97,20 @@ def hand_out_once(
         }
         write_atomically(note, json.dumps(done) + "\n")
     else:
-        spill = Spill(folder.scratch, elements, options.max_points, memory)
+        spill = Spill(folder.scratch, elements, options.max_points, memory_bytes)
         spill.received[:] = done["received"]
     return HandedOut(spill, np.array(done["stations"]) if done["stations"] else None, done["extent"])
+
+
+def _earlier(note: Path, inputs: str, elements: int) -> dict[str, Any] | None:
+    """Return what an earlier run noted of the same inputs, or None; what has another shape was noted by none."""
+    try:
+        done = json.loads(note.read_text(encoding="utf-8"))
+        if done["inputs"] != inputs or np.array(done["received"], dtype=np.int64).shape != (elements,):
+            return None
+        if done["stations"] and np.array(done["stations"], dtype=np.float64).shape[1:] != (3,):
+            return None
+        figures = {key: done["extent"][key] for key in ("points", "in_a_neighbourhood", "low_m", "high_m", "left_out")}
+    except (OSError, ValueError, KeyError, TypeError, OverflowError):
+        return None
+    return {**done, "extent": figures}

@@ -33,7 +33,7 @@ class ModelFitOptions:
         length_tolerance_m: of every element, in place of its own 0: how far its length may be from the design's.
         only: GlobalIds; all when empty.
         classes: such as IfcBeam; all when empty.
-        scan_unit: of the files' numbers: m, mm, cm, in, ft or us-ft.
+        scan_unit: of the files' numbers: m, mm, cm, in, ft or us-ft; None: metres, unless a file says otherwise.
         T_model_scan: [4][4] takes the scan, in metres, into the model's coordinates; None where it is in them.
         map_coordinates: the scan is in the map's coordinates of the design's map conversion.
         legend_m: deviation at either end of the colours.
@@ -53,7 +53,7 @@ class ModelFitOptions:
     length_tolerance_m: float | None = None
     only: Sequence[str] = ()
     classes: Sequence[str] = ()
-    scan_unit: str = "m"
+    scan_unit: str | None = None
     T_model_scan: Array | None = None
     map_coordinates: bool = False
     legend_m: float = 0.02
@@ -81,7 +81,7 @@ class ModelFitOptions:
                 what = "a whole number" if whole else "a number"
                 raise SettingsError(name, f"{value!r}", f"{what} from {low:g} to {high:g}")
         try:
-            metres_of(self.scan_unit)
+            metres_of("m" if self.scan_unit is None else self.scan_unit)
         except SettingsError as error:
             raise error.about("scan_unit") from None
         if self.T_model_scan is not None:

@@ -20,10 +20,10 @@ from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
 from linear_ik.model_fit.fits import Fits, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
-from linear_ik.model_fit.handed_out import Listener, Pieces
+from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
-from linear_ik.model_fit.placing import scan_to_model, why_nothing
+from linear_ik.model_fit.placing import Sample, scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
@@ -118,13 +118,21 @@ def fit_model(
     try:
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
-        _hand_out(fits, folder, pieces, listener)
+        sample = Sample()
+        points = _hand_out(fits, folder, lambda near: sample.of(pieces(near)), listener)
+        # Who has said how the scan lies, or in what unit it is, is believed.
+        if T is None and options.scan_unit is None:
+            try:
+                sample.check(model, fits.extent, paths[0])
+            except LinearIkError:
+                folder.take_back()
+                raise
         note_design(folder.path, model.source, design_path)
         fits.take_over()
         clock.lap("hand_out")
-        fits.first(pool, listener)
+        fits.first(points, pool, listener)
         clock.lap("first_fits")
-        fits.contest(pool, listener)
+        fits.contest(points, pool, listener)
         clock.lap("contest")
         pool.close()
         found, report = _write(fits, model, design_path, pieces, listener)
@@ -167,10 +175,10 @@ class _Clock:
         return {**self._laps, "total": time.perf_counter() - self._began}
 
 
-def _hand_out(fits: Fits, folder: RunFolder, pieces: Pieces, listener: Listener) -> None:
+def _hand_out(fits: Fits, folder: RunFolder, pieces: Pieces, listener: Listener) -> HandedOut | None:
     """Take over what is known and hand out the scan; leave nothing behind where that comes to no good."""
     try:
-        fits.prepare(pieces, listener)
+        return fits.prepare(pieces, listener)
     except LinearIkError:
         folder.take_back()
         raise
@@ -234,12 +242,12 @@ def make_pool(options: ModelFitOptions, elements: int) -> Pool:
     return Processes(max(1, min(options.workers or cores, elements)))
 
 
-def scan_inputs(paths: Sequence[Path], unit: str) -> list[list[object]]:
+def scan_inputs(paths: Sequence[Path], unit: str | None) -> list[list[object]]:
     """Return what tells whether scan files are still the same: place, size, time of change and unit."""
     out: list[list[object]] = []
     for path in paths:
         stat = path.stat()
-        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit])
+        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit or "m"])
     return out
 
 

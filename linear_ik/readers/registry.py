@@ -51,12 +51,13 @@ BEGINNINGS = {
 }
 
 
-def read_scan(*paths: str | os.PathLike[str], unit: str = "m") -> Scan:
+def read_scan(*paths: str | os.PathLike[str], unit: str | None = None) -> Scan:
     """Read one or more files as one scan.
 
     Args:
         paths: PLY, PCD, XYZ/TXT/CSV/ASC, PTS, PTX, LAS/LAZ or E57, told apart by extension.
-        unit: of the files' numbers: m, mm, cm, in, ft or us-ft; what is returned is in metres.
+        unit: of the files' numbers: m, mm, cm, in, ft or us-ft, whatever a comment in them says. None: metres, and a
+            file that states another unit is refused. What is returned is in metres.
 
     Returns:
         All finite points in metres, in the files' global coordinates; stations where every file
@@ -70,7 +71,7 @@ def read_scan(*paths: str | os.PathLike[str], unit: str = "m") -> Scan:
 
 
 def iter_scan(
-    path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS, within: Array | None = None, unit: str = "m"
+    path: str | os.PathLike[str], chunk_points: int = CHUNK_POINTS, within: Array | None = None, unit: str | None = None
 ) -> Iterator[Scan]:
     """Read a file piece by piece, in file order; memory depends on ``chunk_points`` alone.
 
@@ -90,12 +91,14 @@ def iter_scan(
     """
     if chunk_points < 1:
         raise SettingsError("chunk_points", str(chunk_points), "at least 1")
-    metres_of(unit)
+    one_m = metres_of(unit or "m")
     path = Path(path)
     reader = _reader(path)
     if within is not None and path.suffix.lower() in BY_BOUNDS:
-        reader = partial(BY_BOUNDS[path.suffix.lower()], within=within / metres_of(unit))
-    return _scans(path, reader, chunk_points, unit)
+        reader = partial(BY_BOUNDS[path.suffix.lower()], within=within / one_m)
+    if unit is not None and reader is xyz.read:
+        reader = partial(xyz.read, remarks=False)
+    return _scans(path, reader, chunk_points, unit or "m")
 
 
 def _reader(path: Path) -> Reader:
@@ -145,7 +148,7 @@ def _scans(path: Path, reader: Reader, chunk_points: int, unit: str) -> Iterator
             if chunk.unit and chunk.unit != unit:
                 meant = "" if unit == "m" else f", not {unit}"
                 what = "it says that it is not in metres" if unit == "m" else "it says that it is in another unit"
-                raise ScanError(path, f"{what}: its columns are in {chunk.unit}{meant}", f"--scan-unit {chunk.unit}")
+                raise ScanError(path, f"{what}: its numbers are in {chunk.unit}{meant}", f"--scan-unit {chunk.unit}")
             for first in range(0, len(chunk.points), chunk_points):
                 rows = slice(first, first + chunk_points)
                 scan = _scan(chunk, rows, metres_of(unit))

@@ -8,9 +8,12 @@ from __future__ import annotations
 import json
 import math
 import os
-from collections.abc import Mapping
+import reprlib
+from collections.abc import Iterator, Mapping
 from dataclasses import fields
+from itertools import chain
 from pathlib import Path
+from types import NoneType
 from typing import Any, get_args
 
 import numpy as np
@@ -80,13 +83,17 @@ def result_from_mapping(mapping: object) -> FitResult:
     records = []
     for i, row in enumerate(_list("history", _get(top, "history"))):
         values = _mapping(f"history[{i}]", row)
-        arrays = {
-            "q": _array(f"history[{i}].q", _get(values, "q"), (3 * n,)),
-            "base_pose": _array(f"history[{i}].base_pose", _get(values, "base_pose"), (4, 4)),
-            # Not a number in JSON: a match that loses no weight at any distance.
-            "scale_m": math.inf if values.get("scale_m") is None else values["scale_m"],
+        record: dict[str, Any] = {
+            **values,
+            "q": _known(f"history[{i}].q", _get(values, "q"), (3 * n,)),
+            "base_pose": _known(f"history[{i}].base_pose", _get(values, "base_pose"), (4, 4)),
         }
-        records.append(_build(IterationRecord, f"history[{i}]", {**values, **arrays}))
+        # No number in JSON: a match that loses no weight at any distance.
+        if "scale_m" in values and values["scale_m"] is None:
+            record["scale_m"] = math.inf
+        records.append(_build(IterationRecord, f"history[{i}]", record))
+    if "iterations" in top and top["iterations"] != len(records):
+        raise ResultError("iterations", reprlib.repr(top["iterations"]), f"{len(records)}, as many as history has")
     segments = [
         _build(SegmentResult, f"segments[{i}]", _mapping(f"segments[{i}]", row))
         for i, row in enumerate(_list("segments", _get(top, "segments")))
@@ -104,12 +111,12 @@ def result_from_mapping(mapping: object) -> FitResult:
         status=_one_of("status", _get(top, "status"), get_args(Status)),
         reasons=reasons,
         reason_codes=codes,
-        nodes_m=_array("nodes_m", _get(top, "nodes_m"), (n + 1, 3)),
+        nodes_m=_known("nodes_m", _get(top, "nodes_m"), (n + 1, 3)),
         nodes_covariance_m2=_array("nodes_covariance_m2", _get(top, "nodes_covariance_m2"), (n + 1, 3, 3)),
-        q=_array("q", _get(top, "q"), (3 * n,)),
-        joint_angles_rad=_array("joint_angles_rad", _get(top, "joint_angles_rad"), (n, 3)),
+        q=_known("q", _get(top, "q"), (3 * n,)),
+        joint_angles_rad=_known("joint_angles_rad", _get(top, "joint_angles_rad"), (n, 3)),
         joint_limits_rad=_array("joint_limits_rad", _get(top, "joint_limits_rad"), (n, 3, 2)),
-        base_pose=_array("base_pose", _get(top, "base_pose"), (4, 4)),
+        base_pose=_known("base_pose", _get(top, "base_pose"), (4, 4)),
         rmse_m=_number("rmse_m", _get(top, "rmse_m")),
         surface_rmse_m=_number("surface_rmse_m", _get(top, "surface_rmse_m")),
         range_noise_m=_number("range_noise_m", _get(top, "range_noise_m")),
@@ -122,7 +129,7 @@ def result_from_mapping(mapping: object) -> FitResult:
         configuration_covariance=None
         if joint is None
         else _array("configuration_covariance", joint, (6 + 3 * n, 6 + 3 * n)),
-        unobservable=tuple(str(what) for what in _list("unobservable", top.get("unobservable", []))),
+        unobservable=_texts("unobservable", top.get("unobservable", [])),
         section_scale=_section_scale(top.get("section_scale")),
         **_length(top, element),
         segment_counts=_counts(top.get("segment_counts", []), n),
@@ -159,7 +166,7 @@ def _counts(rows: object, n: int) -> tuple[SegmentCount, ...]:
 def _section_scale(given: Any) -> tuple[float, float] | None:
     if given is None:
         return None
-    x, y = _array("section_scale", given, (2,))
+    x, y = _known("section_scale", given, (2,))
     if not (x > 0.0 and y > 0.0):
         raise ResultError("section_scale", f"{x:g}, {y:g}", "two numbers above 0")
     return float(x), float(y)
@@ -167,8 +174,8 @@ def _section_scale(given: Any) -> tuple[float, float] | None:
 
 def _reasons(top: Mapping[str, Any]) -> tuple[tuple[str, ...], tuple[str, ...]]:
     """Return sentences and codes; codes of later versions are kept, results of earlier ones have none."""
-    reasons = tuple(str(reason) for reason in _list("reasons", _get(top, "reasons")))
-    codes = tuple(str(code) for code in _list("reason_codes", top.get("reason_codes", [])))
+    reasons = _texts("reasons", _get(top, "reasons"))
+    codes = _texts("reason_codes", top.get("reason_codes", []))
     if codes and len(codes) != len(reasons):
         raise ResultError("reason_codes", f"{len(codes)} of them", f"one for each of the {len(reasons)} reasons")
     return reasons, codes
@@ -182,38 +189,63 @@ def _get(mapping: Mapping[str, Any], key: str) -> Any:
 
 def _mapping(name: str, value: object) -> dict[str, Any]:
     if not isinstance(value, dict):
-        raise ResultError(name, f"{_short(value)} is no mapping", EXPECTED)
+        raise ResultError(name, f"{reprlib.repr(value)} is no mapping", EXPECTED)
     return value
 
 
 def _list(name: str, value: object) -> list[Any]:
     if not isinstance(value, list):
-        raise ResultError(name, f"{_short(value)} is no list", EXPECTED)
+        raise ResultError(name, f"{reprlib.repr(value)} is no list", EXPECTED)
     return value
+
+
+def _texts(name: str, value: object) -> tuple[str, ...]:
+    texts = _list(name, value)
+    for i, text in enumerate(texts):
+        if not isinstance(text, str):
+            raise ResultError(f"{name}[{i}]", reprlib.repr(text), "a text")
+    return tuple(texts)
 
 
 def _number(name: str, value: object) -> float:
     if value is None:
         return math.nan
     if isinstance(value, bool) or not isinstance(value, (int, float)):
-        raise ResultError(name, f"{_short(value)} is no number", "a number or null")
+        raise ResultError(name, f"{reprlib.repr(value)} is no number", "a number or null")
     return float(value)
 
 
 def _array(name: str, value: object, shape: tuple[int, ...]) -> Array:
+    """Return numbers of a shape; NaN for null, as `_number`."""
     expected = "numbers of shape [" + "][".join(str(n) for n in shape) + "]"
     try:
         array = np.array(value, dtype=np.float64)
-    except (TypeError, ValueError):
-        raise ResultError(name, f"{_short(value)}", expected) from None
+    except (TypeError, ValueError, OverflowError):
+        raise ResultError(name, reprlib.repr(value), expected) from None
     if array.shape != shape:
         raise ResultError(name, f"shape [{']['.join(str(n) for n in array.shape)}]", expected)
+    # NumPy takes texts and truth values for numbers.
+    wrong = next((leaf for leaf in _leaves(value, len(shape)) if type(leaf) not in (float, int, NoneType)), None)
+    if wrong is not None:
+        raise ResultError(name, f"{reprlib.repr(wrong)} is no number", expected)
+    return array
+
+
+def _leaves(value: Any, depth: int) -> Iterator[Any]:
+    return chain.from_iterable(_leaves(row, depth - 1) for row in value) if depth > 1 else iter(value)
+
+
+def _known(name: str, value: object, shape: tuple[int, ...]) -> Array:
+    """Return numbers of a shape, none of them null: what every result knows."""
+    array = _array(name, value, shape)
+    if not np.isfinite(array).all():
+        raise ResultError(name, "a number is null or not finite", "numbers")
     return array
 
 
 def _one_of(name: str, value: Any, allowed: tuple[str, ...]) -> Any:
     if value not in allowed:
-        raise ResultError(name, _short(value), "one of " + ", ".join(allowed))
+        raise ResultError(name, reprlib.repr(value), "one of " + ", ".join(allowed))
     return value
 
 
@@ -225,13 +257,8 @@ def _build(kind: Any, name: str, values: Mapping[str, Any], nan: bool = True) ->
         if f.type == "float" and nan:
             value = _number(f"{name}.{f.name}", value)
         elif f.type == "int" and (isinstance(value, bool) or not isinstance(value, int)):
-            raise ResultError(f"{name}.{f.name}", f"{_short(value)}", "a whole number")
+            raise ResultError(f"{name}.{f.name}", reprlib.repr(value), "a whole number")
         elif f.type == "str" and not isinstance(value, str):
-            raise ResultError(f"{name}.{f.name}", f"{_short(value)}", "a text")
+            raise ResultError(f"{name}.{f.name}", reprlib.repr(value), "a text")
         out[f.name] = value
     return kind(**out)
-
-
-def _short(value: object) -> str:
-    text = repr(value)
-    return text if len(text) <= 60 else text[:57] + "..."

@@ -33,19 +33,26 @@ UNIT = re.compile(r"[\[(]\s*([^\])]*?)\s*[\])]")
 APART = re.compile(r"\s*" + UNIT.pattern)
 # x_mm is x[mm].
 TAIL = re.compile(r"(?<=\w)[ _](m|mm|cm|ft|in|us-?ft|inch|feet)$")
-# A comment that is about the unit of all numbers: "units: mm", "coordinates in feet".
-STATED = re.compile(
-    r"(?i)\b(?:units?(?:\s+of\s+\w+)?(?:\s*(?:[:=]|is\b|are\b|in\b))+"
-    r"|(?:coordinates|coords|points|values|numbers|xyz)\s+(?:are\s+)?(?:given\s+)?in)"
-    r"\s*[\[(\"']?(us survey feet|[a-z-]+)"
+# A remark on the unit of the coordinates: "units: mm", "coordinates in feet"; not on that of anything else.
+_WORD = r"\s*[\[(\"']?([a-z\x80-\xff][\w.\x80-\xff-]*(?:[ _](?:survey[ _])?(?:feet|foot|ft|us)\b)?)(?![\w/^*])"
+OF_THE_FILE = re.compile(
+    r"(?i)\bunits?(?:\s+of\s+(?:length|coordinates|measure(?:ment)?))?(?:\s*(?:[:=]|is\b|are\b|in\b))+" + _WORD
+)
+OF_COORDINATES = re.compile(r"(?i)\b(?:coordinates|coords|points|xyz)\s+(?:are\s+)?(?:given\s+)?in" + _WORD)
+# Lengths that are no unit of a scan here: what names one is not in metres either. A micro sign has one byte or two.
+OTHER_LENGTHS = re.compile(
+    r"km|dm|(?:u|[\x80-\xff]{1,2})m|nm|microns?|mils?|yards?|yds?|miles?|(?:kilo|hecto|deca|deci|micro|nano)met(?:er|re)s?"
 )
 NAMED = {
     "m": ("m", "metre", "metres", "meter", "meters"),
     "mm": ("mm", "millimetre", "millimetres", "millimeter", "millimeters"),
     "cm": ("cm", "centimetre", "centimetres", "centimeter", "centimeters"),
     "in": ("in", "inch", "inches"),
-    "ft": ("ft", "foot", "feet"),
-    "us-ft": ("us-ft", "usft", "ftus", "us survey feet"),
+    "ft": ("ft", "foot", "feet", "international feet", "international foot"),
+    "us-ft": (
+        *("us-ft", "usft", "ftus", "us ft", "us feet", "us foot", "foot us", "us survey feet", "us survey foot"),
+        *("us survey ft", "survey feet", "survey foot"),
+    ),
 }
 SMALLEST_ROW = len("0 0 0\n")
 NEITHER = "a header with x, y and z, or numbers"
@@ -60,8 +67,13 @@ class Layout:
     unit: str = ""
 
 
-def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
+def read(path: Path, chunk_points: int, remarks: bool = True) -> Iterator[Chunk]:
     """Yield the points of a text file.
+
+    Args:
+        path: of the file.
+        chunk_points: most points of a chunk.
+        remarks: comments that state a unit count; not where the person has said it. Names of columns always do.
 
     Raises:
         ScanError: a header without x, y and z, a unit that is not known, a decimal comma, a row
@@ -72,7 +84,7 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
             raise ScanError(path, "UTF-16 text", "ASCII or UTF-8")
         file.seek(0)
         lines = Lines(path, file, chunk_points)
-        layout, count = _preamble(lines, file)
+        layout, count = _preamble(lines, file, remarks)
         while True:
             for part in rows(lines, layout.columns, layout.delimiter, count):
                 yield Chunk(part, unit=layout.unit)
@@ -119,7 +131,7 @@ def find_layout(
     return None
 
 
-def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
+def _preamble(lines: Lines, file: BinaryIO, remarks: bool) -> tuple[Layout, int | None]:
     """Read on to the first point; return how it is laid out and how many the file says there are."""
     count, header, comments, stated = None, "", list[str](), list[str]()
     while True:
@@ -133,7 +145,7 @@ def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
             text = re.sub(r"^[#/\s]*(?:\w+\s*:(?!\d))?\s*", "", line)
             if _axes(_words(text)):
                 comments.append(text)
-            stated += [unit for word in STATED.findall(line) if (unit := _known(word.lower()))]
+            stated += _stated(lines, line) if remarks else []
             continue
         if line.isdigit() and not count:
             count = _count(lines, file, line)
@@ -146,6 +158,21 @@ def _preamble(lines: Lines, file: BinaryIO) -> tuple[Layout, int | None]:
         if header or not _axes(_words(line)):
             raise _no_point(lines, line, header)
         header = line
+
+
+def _stated(lines: Lines, comment: str) -> list[str]:
+    """Return the units that a comment states of the coordinates.
+
+    Raises:
+        ScanError: a length that is no unit of a scan.
+    """
+    # "units: mm (accuracy), coordinates in m": what names the coordinates is about them.
+    words = [word.lower().strip(".-") for word in OF_COORDINATES.findall(comment) or OF_THE_FILE.findall(comment)]
+    other = next((word for word in words if OTHER_LENGTHS.fullmatch(word)), None)
+    if other is not None:
+        expected = f"a unit out of {', '.join(NAMED)}, or --scan-unit where it is about something else"
+        raise ScanError(lines.path, f"line {lines.number} says that its unit is {ascii(other)}", expected)
+    return [unit for word in words if (unit := _known(word))]
 
 
 def _next_count(lines: Lines, file: BinaryIO) -> int | None:
@@ -217,7 +244,8 @@ def _axes_with_units(text: str) -> list[str]:
 
 def _known(unit: str) -> str | None:
     """Return the project's name of a unit."""
-    return next((name for name, words in NAMED.items() if unit.replace("_", " ") in words), None)
+    plain = unit.replace("_", " ").replace(".", "")
+    return next((name for name, words in NAMED.items() if plain in words), None)
 
 
 def _unit(path: Path, names: Sequence[str]) -> str:
@@ -232,7 +260,7 @@ def _unit(path: Path, names: Sequence[str]) -> str:
             raise ScanError(path, f"column {name} is not in metres", "a unit out of " + ", ".join(NAMED))
         found.add(unit)
     if len(found) > 1:
-        raise ScanError(path, f"its columns are in {' and '.join(sorted(found))}", "one unit")
+        raise ScanError(path, f"it says that it is in {' and '.join(sorted(found))}", "one unit")
     return "".join(found)
 
 

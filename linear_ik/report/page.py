@@ -25,6 +25,7 @@ from linear_ik.report.members import ReportedMember, Run
 from linear_ik.report.svg import curve_plot, section_plot, strip
 from linear_ik.report.words import elastic_rows, figure_rows, list_row, seen, settings_rows, verdict_row, with_band
 from linear_ik.scan import Scan
+from linear_ik.viewer_cloud import largest_shown_m
 
 Array = npt.NDArray[np.float64]
 
@@ -36,7 +37,6 @@ SECTION_SHARES = (0.25, 0.5, 0.75)  # of the length, less those near where the b
 APART = 0.1  # of the length: two sections that are nearer show the same
 THICKNESS_M = 0.05  # of the slice whose points a section shows, each way
 NO_LEVEL = {True: "coarser than any level", False: "no level: the fit is in doubt"}
-LEAST_LARGEST_M = 0.003  # of the colours: three times the noise of a good scanner
 
 
 @dataclass(frozen=True, eq=False)
@@ -172,8 +172,7 @@ def _page(
     """Return what the template says of a member."""
     result, found = member.result, member.deviations
     frames = _frames(member)
-    noise_m = result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
-    largest_m = max(LEAST_LARGEST_M, float(round(3 * noise_m, 3)))
+    largest_m = largest_shown_m(result.range_noise_m)
     accuracy = member.accuracy
     return {
         **list_row(member),

@@ -1,6 +1,6 @@
 // What the page knows beside meshcat: a legend that changes while one looks, and a slider through the iterations.
 (() => {
-  // A member as long as the view shows at the eye's distance (viewer.py: 0.85 of its length), and an eighth beside it.
+  // A member as long as the view shows at the eye's distance (viewer_camera.py: EYE_SHARE of its length), and an eighth beside it.
   const ASPECT = 1.13;
   const caption = document.getElementById("caption"), player = document.getElementById("player");
   const slider = player.querySelector("input[type=range]"), button = player.querySelector("button"), label = player.querySelector("output");
