@@ -22,8 +22,9 @@ MOST = 4.0  # factor of a weight, either way: a section that is not quite as des
 COS, SIN = np.cos(np.pi / SIDES), np.sin(np.pi / SIDES)
 OCTANT = np.array([0, 1, 3, 2, 7, 6, 4, 5])  # by sign of v, sign of u, and which is larger
 ALIKE = 1.3  # ratio of noises within which sides are one
-# A quarter of a patch's points off is something that touches it; mixed pixels are fewer.
-LEAST_OF_PATCH, TOUCHING, STRANGE = 8, 0.75, 2.0
+# A quarter of a patch's points twice as far off as usual is something that touches it: mixed pixels are fewer,
+# and chance does so to one patch of twenty points in ten thousand.
+LEAST_OF_PATCH, TOUCHING, STRANGE = 20, 0.75, 2.0
 LEAST_ALIKE = 3  # patches of a side, to tell what is usual there
 TOUCHING_TO_SD = 1.15  # that quantile of the distances, over the standard deviation, of a normal distribution
 LEAST_TRUST = 0.01  # not 0: what lies there still says a little
