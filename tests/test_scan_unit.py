@@ -15,7 +15,7 @@ import linear_ik
 from linear_ik.align import align
 from linear_ik.cli import main
 from linear_ik.coordinates import NAMES, SCAN_UNITS, unit_hint
-from linear_ik.errors import ScanError, SettingsError
+from linear_ik.errors import LinearIkError, ScanError, SettingsError
 from linear_ik.model_fit import ModelFitOptions, fit_model
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
@@ -240,8 +240,13 @@ def test_a_building_is_fitted_to_a_scan_in_feet(tmp_path):
     report = json.loads((out / "run.json").read_text())
     assert report["options"]["scan_unit"] == "ft"
     assert np.ptp([report["scan_points"]["low_m"], report["scan_points"]["high_m"]], axis=0).max() < 5
+    # Nobody said so: refused, and what is there stays.
+    with pytest.raises(LinearIkError, match="in feet"):
+        fit_model(model, [tmp_path / "ft.copc.laz"], out, options=ModelFitOptions(workers=0))
+    assert json.loads((out / "run.json").read_text()) == report
     # In metres it is another scan: nothing is taken over.
-    assert fit_model(model, [tmp_path / "ft.copc.laz"], out, options=ModelFitOptions(workers=0)).fitted == 0
+    metres = ModelFitOptions(workers=0, scan_unit="m")
+    assert fit_model(model, [tmp_path / "ft.copc.laz"], out, options=metres).fitted == 0
 
 
 def test_align_takes_the_unit_too(tmp_path):
