@@ -22,6 +22,7 @@ from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.repair import repair
+from linear_ik.search_directions import base_shifts, bend_rotations, joint_bends
 from linear_ik.seen_through import Refuter
 from linear_ik.settings import FitSettings
 from linear_ik.stage import Stage
@@ -32,7 +33,6 @@ Index = npt.NDArray[np.intp]
 POINTS_A_SEARCH = 600
 LEAST_TAU_M, MOST_TAU_M = 0.004, 0.012  # wider, and the two sides of a plate are one
 CHILDREN = 3
-SHIFT_STEP_M, MOST_STEPS = 0.02, 8  # of a floating base, each way; a large tolerance is searched more coarsely
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
 LEAST_SUPPORT = 12  # points
@@ -192,8 +192,8 @@ class Startup:
         if len(points) < 12:
             return
         before = pose.rotations[first - 1] if first else np.eye(3)
-        shifts = self.shifts() if first == 0 else np.zeros((1, 3))
-        bends = self.bends(first, parent.x)
+        shifts = base_shifts(self.problem.chain) if first == 0 else np.zeros((1, 3))
+        bends = joint_bends(self.problem, first, parent.x)
         row = BASE + 3 * first + 1
         designed = self.design[row : row + 2]
         turns = before @ bend_rotations(bends, float(self.design[row - 1]))
@@ -228,38 +228,6 @@ class Startup:
         for j in range(k, self.problem.element.segments):
             x = next(self.searched(Hypothesis(x, 0.0, None, ()), j), x)
         return x
-
-    def shifts(self) -> Array:
-        """Return the translations [S][3] across the axis that a free base may have."""
-        reach = self.problem.chain.upper[:2]
-        steps = [np.linspace(-r, r, 2 * min(int(np.ceil(r / SHIFT_STEP_M)), MOST_STEPS) + 1) for r in reach]
-        x, y = np.meshgrid(*steps)
-        return np.column_stack([x.ravel(), y.ravel(), np.zeros(x.size)])
-
-    def bends(self, joint: int, x: Array) -> Array:
-        """Return candidate angles (y, x) [D][2] of a joint within its limits: about the designed ones."""
-        chain = self.problem.chain
-        rows = [BASE + 3 * joint + 1, BASE + 3 * joint + 2]
-        low, high = chain.lower[rows], chain.upper[rows]
-        if joint == 0:
-            low, high = low + chain.lower[4:6], high + chain.upper[4:6]
-        widest = np.radians(9.5) if joint == 0 and self.floating else np.pi / 2
-        rings = np.radians(
-            [0.0, 1.5, 3.0, 4.5, 6.5, 9.0, 12.0, 16.0, 21.0, 27.0, 34.0, 42.0, 51.0, 60.0, 70.0, 80.0, 90.0]
-        )
-        rings = rings[rings <= max(widest, 1e-9)]
-        around = np.arange(16) * (2 * np.pi / 16)
-        tilt, azimuth = (g.ravel() for g in np.meshgrid(rings, around))
-        # Direction (sin t cos a, sin t sin a, cos t) as Ry(y) Rx(x) applied to Z.
-        candidates = np.column_stack(
-            [np.arctan2(np.sin(tilt) * np.cos(azimuth), np.cos(tilt)), -np.arcsin(np.sin(tilt) * np.sin(azimuth))]
-        )
-        if joint:
-            last = [rows[0] - 3, rows[1] - 3]
-            candidates = np.concatenate([candidates, (x - self.design)[None, last]])
-        candidates = candidates + self.design[rows]
-        inside = ((candidates >= low - 1e-12) & (candidates <= high + 1e-12)).all(axis=1)
-        return np.asarray(np.unique(candidates[inside].round(9), axis=0))
 
     def within(self, centre: Array, reach_m: float) -> Array:
         """Return the points near a node."""
@@ -341,12 +309,3 @@ class Startup:
 def explained(distance_m: Array, tau_m: float) -> float:
     """Return ``sum max(0, 1 - d^2 / tau^2)``: how many points a surface explains."""
     return float(np.maximum(0.0, 1.0 - (distance_m / tau_m) ** 2).sum())
-
-
-def bend_rotations(bends: Array, twist: float = 0.0) -> Array:
-    """Return Rz(twist) Ry(y) Rx(x) [D][3][3] of angles (y, x) [D][2]."""
-    cy, sy, cx, sx = np.cos(bends[:, 0]), np.sin(bends[:, 0]), np.cos(bends[:, 1]), np.sin(bends[:, 1])
-    zero = np.zeros(len(bends))
-    turns = np.stack([cy, sy * sx, sy * cx, zero, cx, -sx, -sy, cy * sx, cy * cx], axis=1).reshape(-1, 3, 3)
-    cz, sz = np.cos(twist), np.sin(twist)
-    return np.asarray(np.array([[cz, -sz, 0.0], [sz, cz, 0.0], [0.0, 0.0, 1.0]]) @ turns)
