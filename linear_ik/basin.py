@@ -93,9 +93,7 @@ def explained(problem: Problem, found: Descended) -> Mask:
 def forced(problem: Problem, x: Array) -> bool:
     """Whether a chain [6 + 3N] is where only a neighbour would take it: stepped aside, or at its limits."""
     chain = problem.chain
-    room = np.flatnonzero(chain.upper > chain.lower)
-    at_limit = (x[room] <= chain.lower[room]) | (x[room] >= chain.upper[room])
-    return bool(at_limit.any()) or stepped_aside(chain.pose(x)) is not None
+    return bool(chain.at_limits(x).any()) or stepped_aside(chain.pose(x)) is not None
 
 
 def searched(

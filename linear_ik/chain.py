@@ -212,6 +212,10 @@ class Chain:
         other.lower, other.upper = lower, upper
         return other
 
+    def at_limits(self, x: Array) -> npt.NDArray[np.bool_]:
+        """Return which of the variables that have room in their box are at one of its sides [6 + 3N]."""
+        return np.asarray((self.upper > self.lower) & ((x <= self.lower) | (x >= self.upper)))
+
     def clip(self, x: Array) -> Array:
         """Return ``x`` within the box, exactly."""
         return np.asarray(np.minimum(np.maximum(x, self.lower), self.upper))

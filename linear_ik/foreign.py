@@ -24,10 +24,8 @@ ROUGHNESS_RATIO = 1.5  # scatter about the surface over scatter among neighbours
 
 def at_limits(problem: Problem, x: Array) -> Mask:
     """Return the segments [N] with a joint at its limit at either end: that keeps them from their points."""
-    joints = slice(BASE, None)
-    at_limit = (x <= problem.chain.lower)[joints] | (x >= problem.chain.upper)[joints]
-    either = np.asarray(at_limit.reshape(-1, 3).any(axis=1))
-    return np.asarray(either | np.append(either[1:], False))
+    at_start = np.asarray(problem.chain.at_limits(x)[BASE:].reshape(-1, 3).any(axis=1))
+    return np.asarray(at_start | np.append(at_start[1:], False))
 
 
 def foreign_segments(problem: Problem, found: Descended, ignored: Mask) -> Mask:

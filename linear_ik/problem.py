@@ -121,11 +121,15 @@ class Problem:
 
     def measuring(self, surface: Surface) -> Problem:
         """Return the problem with the section as it measures."""
-        return replace(self, surface=surface, matcher=replace_matcher(self, surface, self.matcher.handicap_m2))
+        return self._matching(surface, self.matcher.handicap_m2)
 
     def favouring(self, handicap_m2: Array) -> Problem:
         """Return the problem with points given to the faces that were seen (`Matcher`)."""
-        return replace(self, matcher=replace_matcher(self, self.surface, handicap_m2))
+        return self._matching(self.surface, handicap_m2)
+
+    def _matching(self, surface: Surface, handicap_m2: Array | None) -> Problem:
+        matcher = Matcher(surface, self.chain.segment_length_m, self.matcher.sights, handicap_m2)
+        return replace(self, surface=surface, matcher=matcher)
 
     @property
     def wall_m(self) -> float:
@@ -136,11 +140,6 @@ class Problem:
     def designed(self) -> Array:
         """[6 + 3N] the design, put into the joint limits."""
         return self.chain.clip(self.chain.with_q(self.element.design.angles_rad[:, ::-1].ravel()))
-
-
-def replace_matcher(problem: Problem, surface: Surface, handicap_m2: Array | None) -> Matcher:
-    """Return a matcher of the problem's points for another surface or other handicaps of its faces."""
-    return Matcher(surface, problem.chain.segment_length_m, problem.matcher.sights, handicap_m2)
 
 
 def shows_slide(element: Element, surface: Surface) -> bool:

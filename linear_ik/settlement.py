@@ -157,11 +157,12 @@ def settle(
     found = descents.from_(problem, found.x, noise_m, foreign, None, stop=0.2)
     trust: Array | None = None
     unseen = np.zeros(len(problem.surface.corners), dtype=bool)
+    noise_m = noise_used(found, settings)
     # Where all sides are seen, and are no noise of their opposites, nothing has taken the place of another.
-    thin = has_thin_plates(problem.surface, noise_used(found, settings))
-    in_doubt = robust_scale < ROBUST_SCALE and (thin or not seen_around(problem.surface, found.pairs))
+    in_doubt = robust_scale < ROBUST_SCALE and (
+        has_thin_plates(problem.surface, noise_m) or not seen_around(problem.surface, found.pairs)
+    )
     if in_doubt and may_be_told(problem):
-        noise_m = noise_used(found, settings)
         down = partial(descents.from_, noise_m=noise_m, foreign=foreign, trust=None)
         problem, found, unseen = told_apart(problem, found, noise_m, down)
     for _ in range(MOST_ROUNDS):

@@ -19,6 +19,7 @@ from linear_ik.terms.point_residual import point_residual
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
+FARTHEST = 3.0  # robust scales: beyond, a match has no weight
 CAP_REACH, MOST_CAP_SHARE = 4.0, 0.05  # deviations from an end, and share of its segment
 
 
@@ -124,4 +125,10 @@ def robust_weights(distance_m: Array, scale_m: float) -> Array:
     if not np.isfinite(scale_m):
         return np.ones(len(distance_m))
     ratio = (distance_m / scale_m) ** 2
-    return np.where(ratio <= 9.0, 1.0 / (1.0 + ratio) ** 2, 0.0)
+    return np.where(ratio <= FARTHEST**2, 1.0 / (1.0 + ratio) ** 2, 0.0)
+
+
+def robust_cost(distance_m: Array, scale_m: float) -> float:
+    """Return ``sum r / (1 + r)``, r = d^2 / s^2, beyond 3 s as there: what `robust_weights` are the weights of."""
+    ratio = np.minimum((distance_m / scale_m) ** 2, FARTHEST**2)
+    return float((ratio / (1.0 + ratio)).sum())

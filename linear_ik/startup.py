@@ -35,7 +35,7 @@ LEAST_TAU_M, MOST_TAU_M = 0.004, 0.012  # wider, and the two sides of a plate ar
 CHILDREN = 3
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
-LEAST_SUPPORT = 12  # points
+LEAST_SUPPORT = 12  # points: of a segment, and of a search
 SLIDES = (-0.8, -0.4, 0.4, 0.8)  # of what the start's tolerance allows
 BENT_RAD = np.radians(3.0)  # from where on bends show a slide
 
@@ -151,7 +151,7 @@ class Startup:
         pairs = self.problem.matcher.match(self.problem.chain.pose(x), local, k + 1, first)
         found = int(np.count_nonzero(pairs.distance_m[pairs.starts[k] :] < self.tau_m))
         expected = float(np.median(parent.support)) if parent.support else 0.0
-        lost = found < max(12.0, 0.1 * expected)
+        lost = found < max(LEAST_SUPPORT, 0.1 * expected)
         if alone and k > 2:
             score = explained(pairs.distance_m, self.tau_m) - self.bend_cost(x)
         else:
@@ -176,7 +176,7 @@ class Startup:
         local = (self.within(pose.nodes_m[k], length) - pose.nodes_m[k]) @ pose.rotations[k]
         beside = np.hypot(local[:, 0], local[:, 1]) < self.problem.surface.reach_m + NEAR_M
         around = local[beside & (local[:, 2] > 0.1 * length) & (local[:, 2] < 0.9 * length)]
-        if len(around) < 12:
+        if len(around) < LEAST_SUPPORT:
             return False
         share = float(np.mean(self.problem.surface.section(k).distances(around[:, :2]) < self.tau_m))
         usual = float(np.median(h.support))
@@ -189,7 +189,7 @@ class Startup:
         pose = chain.pose(parent.x)
         length = float(chain.segment_length_m[first : k + 1].sum())
         points = self.unexplained(parent, k, pose.nodes_m[first], length)
-        if len(points) < 12:
+        if len(points) < LEAST_SUPPORT:
             return
         before = pose.rotations[first - 1] if first else np.eye(3)
         shifts = base_shifts(self.problem.chain) if first == 0 else np.zeros((1, 3))

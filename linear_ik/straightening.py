@@ -16,6 +16,7 @@ from linear_ik.descent import Descended, step_objective
 from linear_ik.evidence import evidence, joints_by_axis, unlikelihood
 from linear_ik.problem import Problem
 from linear_ik.repair import drawn_back, straighter, through
+from linear_ik.stage import robust_cost
 
 Array = npt.NDArray[np.float64]
 
@@ -46,8 +47,7 @@ def straightened(
     """
 
     def cost(there: Problem, at: Descended) -> float:
-        ratio = np.minimum((at.pairs.distance_m / (robust_scale * noise_m)) ** 2, 9.0)
-        points = 0.5 * robust_scale**2 * float((ratio / (1.0 + ratio)).sum())
+        points = 0.5 * robust_scale**2 * robust_cost(at.pairs.distance_m, robust_scale * noise_m)
         objective = step_objective(there, at.x, at.pose, at.pairs, at.weights, noise_m)
         return points + unlikelihood(there, at.x, objective, noise_m)
 

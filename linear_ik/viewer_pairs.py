@@ -14,6 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.element import Element
+from linear_ik.stage import FARTHEST
 from linear_ik.viewer_shapes import segment_triangles
 
 Array = npt.NDArray[np.float64]
@@ -21,7 +22,6 @@ Array = npt.NDArray[np.float64]
 MOST_PAIRS = 300  # more lines are a grey mass
 # While the fit runs, points near the design among which pairs are looked for: most are too far off to count at a step.
 MOST_CANDIDATES = 3000
-NO_WEIGHT_SCALES = 3.0  # of a step's distance scale, `stage.robust_weights`: beyond it a point does not count
 PAIR_COLOUR = 0xC026D3
 
 
@@ -99,7 +99,7 @@ class LivePairs:
         if self._surface is None or self._surface[0] != element:
             self._surface = element, FittedSurface(element)
         places = self._surface[1].nearest(self._points, poses)
-        counts = np.linalg.norm(places - self._points, axis=1) <= NO_WEIGHT_SCALES * scale_m
+        counts = np.linalg.norm(places - self._points, axis=1) <= FARTHEST * scale_m
         rows = np.flatnonzero(counts)[:MOST_PAIRS]
         ends = np.stack([self._points[rows], places[rows]], axis=1).reshape(-1, 3)
         lines = LineSegments(PointsGeometry(ends.T.astype(np.float32)), LineBasicMaterial(color=PAIR_COLOUR))

@@ -32,6 +32,8 @@ LEAST_LIKELIER, SURE = 3.0, 20.0  # log likelihood; from where on the choice is 
 TWICE = 2.0  # as wide as thick, at least: less is an edge
 END, MOST_END = 3.0, 0.15  # deviations, and share of a plate's width, that its ends are left out by
 LEAST_POINTS = 100  # on the plates: fewer do not tell one bell from two
+FARTHEST = 3.0  # deviations: other points count no further off
+NEXT_TO_NONE = np.finfo(float).tiny  # of likelihood: a point far from all sides is shared as the points near them are
 ROUNDS = 40  # of expectation maximisation: proportions settle within a hundredth
 SPARSEST = 1e-3  # of the densest face: a point 3.7 deviations nearer to another is still that one's
 
@@ -167,7 +169,7 @@ def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) 
 
     By expectation maximisation: a point is on a face with a probability that falls with its distance from it, as the
     normal distribution does, and rises with the density of points there. A point near a corner so belongs to the face
-    that was seen, and a face that explains no point which another does not ends without any.
+    that was seen, and a face that explains no point which another does not ends as the sparsest.
 
     Args:
         surface: of the section.
@@ -179,7 +181,7 @@ def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) 
     if not len(local):
         return np.where(hidden, np.inf, 0.0)
     likely = np.exp(-0.5 * np.stack(list(surface.squares(local)), axis=1) / noise_m**2)
-    likely += np.finfo(float).tiny  # a point far from all belongs to whichever is densest
+    likely += NEXT_TO_NONE
     density = np.where(hidden, 0.0, 1.0 / surface.widths_m)
     for _ in range(ROUNDS):
         belongs = likely * density
@@ -225,7 +227,7 @@ def _outside(
 
 def _others(problem: Problem, at: Descended, which: Mask, noise_m: float) -> float:
     """Return minus the log likelihood of other points [S] of the sample, robustly, and of the joints."""
-    squares = np.minimum((at.pairs.distance_m[which[at.pairs.order]] / noise_m) ** 2, 9.0)
+    squares = np.minimum((at.pairs.distance_m[which[at.pairs.order]] / noise_m) ** 2, FARTHEST**2)
     off = ((at.x - problem.prior_mean) / problem.prior_sd)[problem.variables]
     return 0.5 * float(squares.sum()) + 0.5 * float(off @ off)
 
@@ -241,7 +243,7 @@ def _unlikelihood(each: list[Array]) -> tuple[float, float]:
     for _ in range(ROUNDS):
         squares, count, value = 0.0, 0, 0.0
         for i, d in enumerate(pairs):
-            density = shares[i] * np.exp(-0.5 * d**2 / variance) + 1e-300
+            density = shares[i] * np.exp(-0.5 * d**2 / variance) + NEXT_TO_NONE
             sum_ = density.sum(axis=1)
             value -= float(np.log(sum_).sum()) - 0.5 * len(d) * np.log(2.0 * np.pi * variance)
             belongs = density / sum_[:, None]

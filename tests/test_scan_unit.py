@@ -111,9 +111,17 @@ def test_names_of_columns_bind_the_person_too(tmp_path):
         "# numbers in mm",
         "# units: mm (accuracy), coordinates in m",
         "# units: mm/s",
+        "# x y z (local)",
+        "# x (easting) y (northing) z (height)",
+        "# x [m] y [m] z [m]",
+        "# x, y, z (see 1)",
+        "# unit: LeicaP40",
+        "# units in the scan: 3",
+        "# points in file: 1",
     ],
 )
-def test_units_of_anything_else_are_not_those_of_coordinates(tmp_path, comment):
+def test_remarks_in_brackets_are_no_units(tmp_path, comment):
+    """Nor are the units of anything but the coordinates."""
     path = tmp_path / "a.xyz"
     path.write_text(f"{comment}\n1 2 3\n")
     np.testing.assert_array_equal(linear_ik.read_scan(path).points, [[1, 2, 3]])
@@ -172,24 +180,6 @@ def test_columns_and_units_that_stand_apart(tmp_path):
     path.write_text("# x [km] y [km] z [km] intensity\n1 2 3\n")
     with pytest.raises(ScanError, match=r"column x\[km\] is not in metres"):
         linear_ik.read_scan(path)
-
-
-@pytest.mark.parametrize(
-    "comment",
-    [
-        "# x y z (local)",
-        "# x (easting) y (northing) z (height)",
-        "# x [m] y [m] z [m]",
-        "# x, y, z (see 1)",
-        "# unit: LeicaP40",
-        "# units in the scan: 3",
-        "# points in file: 1",
-    ],
-)
-def test_remarks_in_brackets_are_no_units(tmp_path, comment):
-    path = tmp_path / "a.xyz"
-    path.write_text(f"{comment}\n1 2 3\n")
-    np.testing.assert_array_equal(linear_ik.read_scan(path).points, [[1, 2, 3]])
 
 
 def test_a_unit_that_is_none_is_refused_before_anything_is_read(tmp_path, capsys):

@@ -7,6 +7,7 @@ from pathlib import Path
 
 import numpy as np
 import pytest
+from truth import across_errors_m
 
 import linear_ik
 from linear_ik import Element, IShape, simulate
@@ -22,10 +23,7 @@ def test_an_i_section_whose_web_is_hardly_seen_does_not_zigzag(seed):
     """Straight columns among clutter, 3 to 5 mm off before: some twenty points a segment tell where the web is."""
     scene = staged("random", seed)
     result = linear_ik.fit(scene.element, scene.scan.without_truth())
-    along = np.diff(scene.scan.nodes_m, axis=0)[0]
-    along /= np.linalg.norm(along)
-    off = result.nodes_m - scene.scan.nodes_m
-    assert np.linalg.norm(off - (off @ along)[:, None] * along, axis=1).max() < 0.0015
+    assert across_errors_m(result, scene.scan).max() < 0.0015
 
 
 def test_real_bends_stay():

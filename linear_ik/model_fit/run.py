@@ -118,15 +118,9 @@ def fit_model(
     try:
         folder.make()
         fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
-        sample = Sample()
-        points = _hand_out(fits, folder, lambda near: sample.of(pieces(near)), listener)
         # Who has said how the scan lies, or in what unit it is, is believed.
-        if T is None and options.scan_unit is None:
-            try:
-                sample.check(model, fits.extent, paths[0])
-            except LinearIkError:
-                folder.take_back()
-                raise
+        doubted = paths[0] if T is None and options.scan_unit is None else None
+        points = _hand_out(fits, folder, model, pieces, doubted, listener)
         note_design(folder.path, model.source, design_path)
         fits.take_over()
         clock.lap("hand_out")
@@ -175,10 +169,19 @@ class _Clock:
         return {**self._laps, "total": time.perf_counter() - self._began}
 
 
-def _hand_out(fits: Fits, folder: RunFolder, pieces: Pieces, listener: Listener) -> HandedOut | None:
-    """Take over what is known and hand out the scan; leave nothing behind where that comes to no good."""
+def _hand_out(
+    fits: Fits, folder: RunFolder, model: DesignModel, pieces: Pieces, doubted: Path | None, listener: Listener
+) -> HandedOut | None:
+    """Take over what is known and hand out the scan; leave nothing behind where that comes to no good.
+
+    A ``doubted`` scan, by its file, is refused where it is beyond doubt in other coordinates than the model.
+    """
+    sample = Sample()
     try:
-        return fits.prepare(pieces, listener)
+        points = fits.prepare(lambda near: sample.of(pieces(near)), listener)
+        if doubted is not None:
+            sample.check(model, fits.extent, doubted)
+        return points
     except LinearIkError:
         folder.take_back()
         raise
