@@ -157,7 +157,7 @@ def judge(
         )
     reasons = []
     if not converged:
-        reasons.append(Reason("not_at_rest", "the fit did not come to rest within its iterations"))
+        reasons.append(Reason("not_at_rest", "it did not come to rest: nodes still moved when its iterations ended"))
     unseen, inferred = ([k + 1 for k, s in enumerate(segments) if s.status == x] for x in ("not_scanned", "inferred"))
     if unseen:
         reasons.append(Reason("segments_not_scanned", f"{_segments(unseen)} not scanned"))

@@ -11,6 +11,7 @@ import numpy.typing as npt
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread, unobservable
 from linear_ik.chain import BASE
+from linear_ik.coordinates import length_hint
 from linear_ik.descent import Log, known_terms
 from linear_ik.doubts import (
     beside_all_along,
@@ -55,6 +56,8 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
     node_covariance += still_m[:, :, None] * still_m[:, None, :]
     reasons = judge(problem, pressed, segments, spread(pose, node_covariance), noise_m, settled.converged)
     if status_of(r.code for r in reasons) == "not_scanned":
+        if (too_long := length_hint(scan.points, problem.element.length_m)) is not None:
+            reasons += (Reason("length_unit", too_long),)
         return absent(problem, reasons, settings, log, clock)
     reasons += tuple(doubted(settled, scan, settings))
     rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)

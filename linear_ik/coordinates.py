@@ -17,6 +17,7 @@ MOST_POINTS = 100_000
 LEAST_POINTS = 100
 LEAST_EXTENT = 0.5  # of the element's length: a clump of points may come near by chance
 REACH = 1.2  # lengths from the start
+SHORT = 100.0  # times as long as all of the scan: no member, but a length in another unit
 COARSE_STEP_M = 0.001  # finer steps drown in a scanner's noise
 
 
@@ -56,6 +57,14 @@ def unit_hint(points: Array, T_world_element: Array, length_m: float) -> str | N
             said = f"the scan seems to be in {unit}: times {factor:.4g} it would be where the element is"
             best, most = said + how_to_say(unit), len(near)
     return best
+
+
+def length_hint(points: Array, length_m: float) -> str | None:
+    """Return a sentence where an element is a hundred times as long as all that a scan [P][3] spans, or None."""
+    span_m = float(np.ptp(points, axis=0).max())
+    if length_m < SHORT * span_m:
+        return None
+    return f"all of the scan spans {span_m:.3g} m, the designed length is {length_m:g} m: is it given in metres?"
 
 
 def coarse_step_m(points: Array) -> float | None:

@@ -113,6 +113,8 @@ def _read(path: Path) -> str:
     try:
         with path.open("rb") as file:
             data = file.read(LARGEST_FILE_BYTES + 1)
+    except FileNotFoundError:
+        raise ElementError("element", "no such file", expected) from None
     except IsADirectoryError:
         raise ElementError("element", "is a folder", expected) from None
     except (OSError, ValueError) as error:

@@ -14,6 +14,7 @@ ReasonCode = Literal[
     "absent",
     "scan_units",
     "scan_elsewhere",
+    "length_unit",
     "not_at_rest",
     "segments_not_scanned",
     "segments_inferred",

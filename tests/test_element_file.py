@@ -243,7 +243,7 @@ def test_what_is_no_element_file_is_refused(tmp_path: Path, content: str | bytes
 
 
 @pytest.mark.parametrize(
-    ("path", "said"), [("", "is a folder"), ("nothing.yaml", "No such file"), ("a\0b", "cannot be read")]
+    ("path", "said"), [("", "is a folder"), ("nothing.yaml", "no such file"), ("a\0b", "cannot be read")]
 )
 def test_what_is_no_file_is_refused(tmp_path: Path, path: str, said: str) -> None:
     with pytest.raises(ElementError, match=said):

@@ -260,3 +260,11 @@ def test_a_tolerance_without_effect_is_said_whatever_the_status():
 def test_more_lies_beside_a_thin_wire_by_chance_than_on_it(radius_m, expected):
     # Of the wire: 0 to 8.6 mm from the axis is within 4 deviations, from there to 22.4 mm within 16.
     assert by_chance(radius_m, 0.00115) == pytest.approx(expected, rel=0.02)
+
+
+def test_a_length_in_millimetres_is_asked_about():
+    scan = simulate(member("rectangle"), points=2000, seed=3)
+    in_mm = Element("member", SAMPLES["rectangle"], 2500.0)
+    result = linear_ik.fit(in_mm, scan.without_truth())
+    assert result.status == "not_scanned" and "length_unit" in result.reason_codes, result.reasons
+    assert "is it given in metres?" in result.reasons[result.reason_codes.index("length_unit")]

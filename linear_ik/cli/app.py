@@ -18,7 +18,8 @@ NAME = "linear-ik"
 app = typer.Typer(
     name=NAME,
     help="As-built shape of beams, columns and pipes: bends a designed element until it fits a laser scan.",
-    epilog="Exit codes: 0 done, 2 bad input (nothing written), 3 the element is not in the scan.",
+    epilog="Exit codes: 0 done, 2 bad input (nothing written), 3 the element is not in the scan, "
+    "4 more than one alignment is as good, 130 or 143 interrupted.",
     context_settings={"help_option_names": ["-h", "--help"]},
     rich_markup_mode=None,
     pretty_exceptions_enable=False,

@@ -124,7 +124,9 @@ def describe_verdicts(judged: tuple[Verdict, ...]) -> list[str]:
         return [f"{'verdict':<11}no clause of {judged[0].profile} applies: {most_frequent(judged)}"]
     worst = overall(judged)
     why = f": {most_frequent(applies, worst)}" if worst != "pass" else ""
-    each = [f"{v.outcome:<13}{v.title} ({v.profile}, {v.clause}): {v.reason}" for v in applies]
+    # Of one clause it has been said.
+    said = bool(why) and len(applies) == 1
+    each = [f"{v.outcome:<13}{v.title} ({v.profile}, {v.clause})" + ("" if said else f": {v.reason}") for v in applies]
     return [f"{'verdict':<11}{worst}{why}", *each]
 
 

@@ -71,7 +71,7 @@ def corners(result: FitResult) -> list[str]:
     if not kept:
         return []
     if kept < inner:
-        return [_line("smooth", f"but for {kept} kink{'s' if kept > 1 else ''}, which stay corners")]
+        return [_line("smooth", f"but for {kept} joint{'s' if kept > 1 else ''} that stay corners, where bends jump")]
     return [_line("smooth", "no curve: the bends jump from joint to joint, so the body keeps the segments' corners")]
 
 

@@ -11,6 +11,7 @@ from linear_ik.deviation import Deviations
 from linear_ik.deviation_figures import Figure
 from linear_ik.report.members import ReportedMember
 from linear_ik.result import FitResult
+from linear_ik.tally import COVERAGE_RADIUS
 from linear_ik.tolerances import Verdict
 from linear_ik.tolerances.clause import ANGLES
 
@@ -133,7 +134,8 @@ def seen(result: FitResult) -> list[str]:
         out += [f"{run[0] * step_m:.2f} to {(run[-1] + 1) * step_m:.2f} m: {words}" for run in runs]
     coverage = sum(s.coverage for s in result.segments) / len(result.segments)
     points = sum(s.points for s in result.segments)
-    out.append(f"{100 * coverage:.0f} % of the surface was seen, by {points:,} points")
+    near_mm = 1e3 * COVERAGE_RADIUS * result.element.length_m
+    out.append(f"{points:,} points; {100 * coverage:.0f} % of the surface lies within {near_mm:.0f} mm of one of them")
     return out
 
 
