@@ -18,7 +18,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from benchlib.building import Building, bays_for, building, count, stations
+from benchlib.building import Building, bays_for, building, stations
 from benchlib.building_ifc import write_ifc
 from benchlib.building_scan import Seen, scan_building
 from linear_ik import FitResult, read_result
@@ -49,8 +49,10 @@ class Node:
 def main() -> int:
     """Make the building, fit it, print the figures."""
     parser = argparse.ArgumentParser(description=__doc__)
-    parser.add_argument("--elements", type=int, default=40, help="at least so many")
-    parser.add_argument("--points", type=float, default=5e6, help="returns of all stations, about")
+    parser.add_argument("--elements", default="40", help="at least so many; several for a slope: 100,300,1000")
+    parser.add_argument(
+        "--points", type=float, default=5e6, help="returns of all stations, about, for the most elements"
+    )
     parser.add_argument("--stations", type=int, default=0, help="4, or one for every 40 elements")
     parser.add_argument("--format", default="e57", choices=("e57", "las", "laz"), help="LAS and LAZ name no stations")
     parser.add_argument("--workers", default="", help="runs, such as 1,2; of more than 100 elements one run with 2")
@@ -58,22 +60,40 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for design, scan and results; goes on where it stopped")
     asked = parser.parse_args()
+    counts = [int(n) for n in asked.elements.split(",")]
+    each: dict[int, float] = {}
     with tempfile.TemporaryDirectory(prefix="bench_building") as temporary:
-        return bench(asked, asked.keep or Path(temporary))
+        folder = asked.keep or Path(temporary)
+        for least in counts:
+            own = folder if len(counts) == 1 else folder / str(least)
+            own.mkdir(parents=True, exist_ok=True)
+            points = int(asked.points * least / max(counts))
+            ran = bench(asked, building(*bays_for(least), seed=asked.seed), points, own)
+            if ran is None:
+                return 1
+            each |= ran
+    if len(each) > 1:
+        print("\n" + slope(each))
+    return 0
 
 
-def bench(asked: argparse.Namespace, folder: Path) -> int:
-    """Run everything in a folder."""
-    plan = building(*bays_for(asked.elements), seed=asked.seed)
+def slope(each: dict[int, float]) -> str:
+    """Return a line on how the seconds an element grow with the number of elements: their exponent by least squares."""
+    exponent = float(np.polyfit(np.log(list(each)), np.log(list(each.values())), 1)[0])
+    costs = ", ".join(f"{n:,}: {s:.2f}" for n, s in each.items())
+    return f"slope       seconds an element go with elements to the power of {exponent:+.3f} ({costs})"
+
+
+def bench(asked: argparse.Namespace, plan: Building, points: int, folder: Path) -> dict[int, float] | None:
+    """Run a building in a folder; return the seconds an element of its last run, by its elements; None: it failed."""
     n = len(plan.design.members)
-    assert n == count(bays_for(asked.elements))
     design, scan = folder / "design.ifc", folder / f"scan.{asked.format}"
     seen_file = folder / "seen.json"
     if not seen_file.exists():
         write_ifc(plan, design)
         places = stations(plan, asked.stations or max(4, n // 40))
         began = time.perf_counter()
-        seen = scan_building(plan, places, int(asked.points), scan, asked.seed)
+        seen = scan_building(plan, places, points, scan, asked.seed)
         print(f"scan        {seen.points:,} points of {len(places)} stations in {time.perf_counter() - began:.0f} s")
         hits = {guid: h.tolist() for guid, h in seen.hits.items()}
         seen_file.write_text(json.dumps({"points": seen.points, "hits": hits}))
@@ -90,7 +110,7 @@ def bench(asked: argparse.Namespace, folder: Path) -> int:
         cpu_s = after.ru_utime + after.ru_stime - before.ru_utime - before.ru_stime
         if exit_code:
             print(f"linear-ik fit ended with {exit_code}")
-            return 1
+            return None
         report = json.loads((out / "run.json").read_text())
         timings = report["timings_s"]
         seconds[workers] = timings["first_fits"] + timings["contest"]
@@ -105,7 +125,7 @@ def bench(asked: argparse.Namespace, folder: Path) -> int:
     if len(runs) > 1:
         low, high = min(runs), max(runs)
         print(f"\nthroughput  {seconds[low] / seconds[high]:.2f} times with {high} workers against {low}")
-    return 0
+    return {n: timings["total"] / n}
 
 
 def accuracy(plan: Building, seen: Seen, out: Path) -> None:
