@@ -38,8 +38,25 @@ def silence() -> Iterator[None]:
     os.dup2(nowhere, 1)
     os.close(nowhere)
     try:
-        yield
+        with _python_to(kept):
+            yield
     finally:
         ctypes.CDLL(None).fflush(None)
         os.dup2(kept, 1)
         os.close(kept)
+
+
+@contextmanager
+def _python_to(descriptor: int) -> Iterator[None]:
+    """Let Python's own stdout, where it is the process's, write to another descriptor."""
+    try:
+        ours = sys.stdout.fileno() == 1
+    except (OSError, ValueError):
+        # A stream in memory, as in a notebook.
+        ours = False
+    if not ours:
+        yield
+        return
+    encoding, errors = sys.stdout.encoding, sys.stdout.errors
+    with open(descriptor, "w", encoding=encoding, errors=errors, closefd=False) as own, redirect_stdout(own):
+        yield

@@ -80,7 +80,7 @@ def _read(file: ModelFile, how: DesignSettings, on_progress: OnProgress | None) 
     profiles = ProfileReader(unit_m, angle_rad, how.tolerance_m)
     mend(model, profiles, unit_m)
     reader = MemberReader(profiles, SweepReader(profiles, unit_m, angle_rad), how.slenderness, how.tolerance_m, unit_m)
-    found = dict(bodies(model, [p for p, _ in linear if p.Representation] + others, how.kernel_threads, on_progress))
+    found = bodies(model, [p for p, _ in linear if p.Representation] + others, how.kernel_threads, on_progress)
     members, left_out, unfit = _read_members(reader, linear, found, how)
     if how.obstacles:
         unfit += [(product, product.is_a()) for product in others]

@@ -5,7 +5,7 @@ The kernel prints what it fails on to stdout; here that goes nowhere.
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator, Sequence
+from collections.abc import Callable, Sequence
 from dataclasses import dataclass
 from typing import Any
 
@@ -52,8 +52,8 @@ class Body:
 
 def bodies(
     model: Any, products: Sequence[Any], threads: int, on_progress: Callable[[int, int], None] | None = None
-) -> Iterator[tuple[int, Body]]:
-    """Yield the id and the body of every product that has one, in no order.
+) -> dict[int, Body]:
+    """Return the body of every product that has one, by its id, in no order.
 
     Args:
         model: ifcopenshell's file.
@@ -65,25 +65,26 @@ def bodies(
 
     cut = [product for product in products if _is_cut_by_solids(product)]
     other = {product.id() for product in cut}
+    out: dict[int, Body] = {}
     done = 0
     for kernel, some in ((KERNEL, [p for p in products if p.id() not in other]), (BOOLEAN_KERNEL, cut)):
         if not some:
             continue
         library = kernel if geom.has_geometry_library(kernel) else "opencascade"
+        # All along: its threads print between one body and the next.
         with silence():
             iterator = geom.iterator(_settings(), model, threads, include=some, geometry_library=library)
             more = iterator.initialize()
-        while more:
-            with silence():
+            while more:
                 shape = iterator.get()
                 body = _body(shape.geometry, shape.transformation)
-                found = int(shape.id)
+                if len(body.triangles):
+                    out[int(shape.id)] = body
                 more = bool(iterator.next())
-            done += 1
-            if on_progress is not None:
-                on_progress(done, len(products))
-            if len(body.triangles):
-                yield found, body
+                done += 1
+                if on_progress is not None:
+                    on_progress(done, len(products))
+    return out
 
 
 def _is_cut_by_solids(product: Any) -> bool:
