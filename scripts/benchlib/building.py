@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import hashlib
 from collections.abc import Iterator, Sequence
-from dataclasses import dataclass
+from dataclasses import dataclass, field
 
 import numpy as np
 import numpy.typing as npt
@@ -30,6 +30,7 @@ SHIFT_SD_M = 0.006
 BOW_SHARE = (1 / 600, 1 / 120)  # of the length
 KINKED_SHARE = 0.1
 KINK_DEG = (1.5, 4.0)
+FLOOR_BELOW_M = 0.3
 
 
 @dataclass(frozen=True, eq=False)
@@ -40,13 +41,15 @@ class Building:
         design: members, plates and slabs as designed.
         built: by GlobalId, each member as it really is.
         others: meshes that are there too: plates, slabs, floor, walls.
-        size_m: [3] of the frame; it starts at the origin.
+        size_m: [3] of the frame.
+        start_m: [3] where it starts.
     """
 
     design: DesignModel
     built: dict[str, BentElement]
     others: tuple[Mesh, ...]
     size_m: Array
+    start_m: Array = field(default_factory=lambda: np.zeros(3))
 
 
 def building(bays_x: int = 2, bays_y: int = 1, storeys: int = 2, pipes: int = 4, seed: int = 1) -> Building:
@@ -106,7 +109,23 @@ def stations(plan: Building, wanted: int = 4) -> Array:
         x = (s % across + 0.5) / across * width + 0.7
         y = (s // across + 0.5) / rows * depth + 0.45
         out.append((x, y, 1.7 + STOREY_M * (s % max(1, round(height / STOREY_M)))))
-    return np.array(out)
+    return plan.start_m + np.array(out)
+
+
+def built_from(model: DesignModel, seed: int = 1) -> Building:
+    """Return a building that stands to a design as `building` does: its members bent, the rest 4 mm off, a floor.
+
+    Raises:
+        SettingsError: a member that cannot bend so within its joint limits.
+    """
+    rng = np.random.default_rng(seed)
+    built = {member.guid: bent_at_random(member.element, rng) for member in model.members}
+    others = [Mesh(o.vertices_m + 0.004 * rng.standard_normal(3), o.triangles) for o in model.obstacles]
+    nodes = np.concatenate([bent.nodes_m for bent in built.values()])
+    low, high = nodes.min(axis=0), nodes.max(axis=0)
+    middle, reach = (low + high) / 2, float((high - low)[:2].max()) + 12.0
+    others.append(floor((middle[0], middle[1], low[2] - FLOOR_BELOW_M), reach))
+    return Building(model, built, tuple(others), high - low, low)
 
 
 def _beams(bays_x: int, bays_y: int, base: float) -> Iterator[tuple[str, Profile, Array, Array]]:
@@ -156,14 +175,16 @@ def bent_at_random(element: Element, rng: np.random.Generator) -> BentElement:
     middle = (np.arange(n) + 0.5) / n
     # Slopes of a line from end to end with a half wave of sine on it.
     slope = (ends[1, :2] - ends[0, :2]) / length + np.pi / length * np.cos(np.pi * middle)[:, None] * bow
-    if rng.random() < KINKED_SHARE:
+    if rng.random() < KINKED_SHARE and n > 3:
         at, angle = rng.integers(2, n - 1), np.radians(rng.uniform(*KINK_DEG)) * rng.choice((-1, 1))
         along = (np.arange(n) >= at) - (n - at) / n
         slope[:, rng.integers(2)] += np.tan(angle) * along
     tilt = np.arctan(slope)
     turn = np.diff(tilt, axis=0, prepend=np.zeros((1, 2)))
     angles = np.column_stack([-turn[:, 1], turn[:, 0], np.zeros(n)])
-    return bend_element(element, joint_angles_rad=angles, displacement=rigid_motion(tuple(ends[0])))
+    return bend_element(
+        element, joint_angles_rad=element.design.angles_rad + angles, displacement=rigid_motion(tuple(ends[0]))
+    )
 
 
 def global_id(text: str) -> str:

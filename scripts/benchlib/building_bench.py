@@ -6,6 +6,7 @@ import argparse
 import json
 import os
 import resource
+import shutil
 import subprocess
 import sys
 import tempfile
@@ -18,11 +19,12 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
-from benchlib.building import Building, bays_for, building, stations
+from benchlib.building import Building, bays_for, building, built_from, stations
 from benchlib.building_ifc import write_ifc
 from benchlib.building_scan import Seen, scan_building
 from linear_ik import FitResult, read_result
 from linear_ik.bending import BentElement
+from linear_ik.bim import read_design
 
 Array = npt.NDArray[np.float64]
 
@@ -53,6 +55,7 @@ def main() -> int:
     parser.add_argument(
         "--points", type=float, default=5e6, help="returns of all stations, about, for the most elements"
     )
+    parser.add_argument("--design", type=Path, help="an IFC file in place of the generated frame; a floor is added")
     parser.add_argument("--stations", type=int, default=0, help="4, or one for every 40 elements")
     parser.add_argument("--format", default="e57", choices=("e57", "las", "laz"), help="LAS and LAZ name no stations")
     parser.add_argument("--workers", default="", help="runs, such as 1,2; of more than 100 elements one run with 2")
@@ -60,37 +63,51 @@ def main() -> int:
     parser.add_argument("--seed", type=int, default=1)
     parser.add_argument("--keep", type=Path, help="folder for design, scan and results; goes on where it stopped")
     asked = parser.parse_args()
-    counts = [int(n) for n in asked.elements.split(",")]
-    each: dict[int, float] = {}
+    counts = [1] if asked.design else [int(n) for n in asked.elements.split(",")]
+    each: dict[int, tuple[float, float]] = {}
     with tempfile.TemporaryDirectory(prefix="bench_building") as temporary:
         folder = asked.keep or Path(temporary)
         for least in counts:
             own = folder if len(counts) == 1 else folder / str(least)
             own.mkdir(parents=True, exist_ok=True)
             points = int(asked.points * least / max(counts))
-            ran = bench(asked, building(*bays_for(least), seed=asked.seed), points, own)
+            if asked.design:
+                plan = built_from(read_design(asked.design), asked.seed)
+            else:
+                plan = building(*bays_for(least), seed=asked.seed)
+            ran = bench(asked, plan, points, own)
             if ran is None:
                 return 1
             each |= ran
     if len(each) > 1:
-        print("\n" + slope(each))
+        print()
+        for i, name in enumerate(("time", "processor")):
+            print(slope(name, {n: seconds[i] for n, seconds in each.items()}))
     return 0
 
 
-def slope(each: dict[int, float]) -> str:
+def slope(name: str, each: dict[int, float]) -> str:
     """Return a line on how the seconds an element grow with the number of elements: their exponent by least squares."""
     exponent = float(np.polyfit(np.log(list(each)), np.log(list(each.values())), 1)[0])
     costs = ", ".join(f"{n:,}: {s:.2f}" for n, s in each.items())
-    return f"slope       seconds an element go with elements to the power of {exponent:+.3f} ({costs})"
+    return f"slope       {name} an element goes with their number to the power of {exponent:+.3f} ({costs} s)"
 
 
-def bench(asked: argparse.Namespace, plan: Building, points: int, folder: Path) -> dict[int, float] | None:
-    """Run a building in a folder; return the seconds an element of its last run, by its elements; None: it failed."""
+def bench(
+    asked: argparse.Namespace, plan: Building, points: int, folder: Path
+) -> dict[int, tuple[float, float]] | None:
+    """Run a building in a folder; return time and processor seconds an element of its last run, None where it failed.
+
+    They stand under the number of its elements.
+    """
     n = len(plan.design.members)
     design, scan = folder / "design.ifc", folder / f"scan.{asked.format}"
     seen_file = folder / "seen.json"
     if not seen_file.exists():
-        write_ifc(plan, design)
+        if asked.design:
+            shutil.copyfile(asked.design, design)
+        else:
+            write_ifc(plan, design)
         places = stations(plan, asked.stations or max(4, n // 40))
         began = time.perf_counter()
         seen = scan_building(plan, places, points, scan, asked.seed)
@@ -125,7 +142,7 @@ def bench(asked: argparse.Namespace, plan: Building, points: int, folder: Path) 
     if len(runs) > 1:
         low, high = min(runs), max(runs)
         print(f"\nthroughput  {seconds[low] / seconds[high]:.2f} times with {high} workers against {low}")
-    return {n: timings["total"] / n}
+    return {n: (timings["total"] / n, cpu_s / n)}
 
 
 def accuracy(plan: Building, seen: Seen, out: Path) -> None:
