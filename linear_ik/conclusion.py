@@ -12,6 +12,7 @@ import numpy.typing as npt
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread, unobservable
 from linear_ik.chain import BASE
 from linear_ik.coordinates import length_hint
+from linear_ik.curved_segments import sagittas
 from linear_ik.descent import Log, known_terms
 from linear_ik.doubts import (
     beside_all_along,
@@ -113,6 +114,10 @@ def doubted(settled: Settled, scan: Scan, settings: FitSettings) -> Iterator[Rea
     if beside:
         there = f"all along the element {beside:.0%} of the points near its surface lie beside it"
         yield Reason("beside_all_along", f"{there}: another section, or something runs along it")
+    bulge_m = sagittas(settled.pairs, problem.element.segment_length_m, noise_m)
+    if bulge_m.any():
+        bends = f"{listed(bulge_m > 0)}: the member bends there between two joints, {1e3 * bulge_m.max():.1f} mm"
+        yield Reason("bends_between_joints", f"{bends} off the segment (more segments would follow it)")
     step = stepped_aside(pose)
     if step is not None:
         first, last, aside_m = step

@@ -83,8 +83,8 @@ class Matcher:
             surface: of every segment.
             segment_length_m: [N].
             sights: the points' stations.
-            handicap_m2: [E] of each face, added to its squared distance from a point before the least is taken; inf
-                for a face that nobody saw. None: the nearest face is taken.
+            handicap_m2: [E] or [N][E] of each face, of each segment, added to its squared distance from a point before
+                the least is taken; inf for a face that nobody saw. None: the nearest face is taken.
         """
         import open3d as o3d
 
@@ -93,7 +93,8 @@ class Matcher:
         self.surface = surface
         # A round section has one face: nothing to choose from.
         self.sights = sights if surface.radius_m is None else None
-        self.handicap_m2 = handicap_m2
+        many = (len(segment_length_m), len(surface.normals))
+        self.handicap_m2 = None if handicap_m2 is None else np.broadcast_to(handicap_m2, many)
         self.segment_length_m = segment_length_m
         self._begin_m = np.cumsum(segment_length_m) - segment_length_m
         self._meshes, self._triangles = surface.segment_meshes(segment_length_m)
@@ -145,12 +146,14 @@ class Matcher:
                 seen_from -= local[rows]
                 sight[rows] = seen_from[:, :2] / np.linalg.norm(seen_from, axis=1, keepdims=True)
             away = np.einsum("pi,pi->p", normals[face], sight) < TURNED_AWAY
-        handicap_m2 = np.zeros(len(normals)) if self.handicap_m2 is None else self.handicap_m2
+        handicap_m2 = np.zeros((len(starts) - 1, len(normals))) if self.handicap_m2 is None else self.handicap_m2
         # The nearest face loses to none that is farther and has no less of a handicap.
-        which = np.flatnonzero(away | (handicap_m2 > handicap_m2.min())[face])
+        segment = np.repeat(np.arange(len(starts) - 1), np.diff(starts))
+        handicapped = handicap_m2 > handicap_m2.min(axis=1, keepdims=True)
+        which = np.flatnonzero(away | handicapped[segment, face])
         best, least_m2 = face[which], np.full(len(which), np.inf)
         for e, squared in enumerate(self.surface.squares(local[which, :2])):
-            squared += handicap_m2[e]
+            squared += handicap_m2[segment[which], e]
             if sight is not None:
                 squared[sight[which] @ normals[e] < TURNED_AWAY] = np.inf
             better = squared < least_m2

@@ -20,6 +20,7 @@ PARALLEL_REACH = 0.3  # of the section's size
 CLOSE_M = 0.03
 LEAST_SHARE = 0.3  # of the points of the side opposite
 ON_SURFACE = 4.0  # deviations
+DESIGNED_START = np.array([0.0, 0.0, 1.0])  # where the first segment leads, element's frame
 LEAST_STEP_RAD, STEP_REACH = np.radians(10.0), 5  # joints
 THIN, THIN_SHARE = 4.0, 1 / 3  # deviations; share of the points
 SIDE_OFF_SCORE, SIDE_OFF, LEAST_SIDE_OFF_M = 4.0, 1.5, 0.002
@@ -152,9 +153,9 @@ def stepped_aside(pose: Pose) -> tuple[int, int, float] | None:
 
     Two sharp bends near each other, that cancel in a member which hardly bends elsewhere:
     steel does not do that. The chain crosses over to a neighbour, whose points explain it
-    as well.
+    as well. The first bend counts from the design: a base may turn by a few degrees only.
     """
-    along = pose.rotations[:, :, 2]
+    along = np.concatenate([DESIGNED_START[None], pose.rotations[:, :, 2]])
     bends = np.arccos(np.clip(np.einsum("ki,ki->k", along[1:], along[:-1]), -1.0, 1.0))
     for i in range(len(bends)):
         for j in range(i + 1, min(i + STEP_REACH, len(bends))):
@@ -162,8 +163,8 @@ def stepped_aside(pose: Pose) -> tuple[int, int, float] | None:
             rest = np.delete(bends, slice(i, j + 1))
             left = np.arccos(np.clip(along[i] @ along[j + 1], -1.0, 1.0))
             if lesser > LEAST_STEP_RAD and left < 0.4 * greater and rest.max(initial=0.0) < lesser / 3.0:
-                offset = pose.nodes_m[j + 1] - pose.nodes_m[i + 1]
-                return i + 1, j, float(np.linalg.norm(offset - (offset @ along[i]) * along[i]))
+                offset = pose.nodes_m[j] - pose.nodes_m[i]
+                return i, j - 1, float(np.linalg.norm(offset - (offset @ along[i]) * along[i]))
     return None
 
 

@@ -32,6 +32,7 @@ ReasonCode = Literal[
     "side_off",
     "beside_all_along",
     "seen_through",
+    "bends_between_joints",
     "stepped_aside",
     "thin_plates",
     "foreign_points",

@@ -25,6 +25,7 @@ ALIKE = 1.3  # ratio of noises within which sides are one
 # A quarter of a patch's points twice as far off as usual is something that touches it: mixed pixels are fewer,
 # and chance does so to one patch of twenty points in ten thousand.
 LEAST_OF_PATCH, TOUCHING, STRANGE = 20, 0.75, 2.0
+LEAST_SCATTERED, SCATTERED = 10, 2.0  # points; chance does so to one patch of ten points in thirty thousand
 LEAST_ALIKE = 3  # patches of a side, to tell what is usual there
 TOUCHING_TO_SD = 1.15  # that quantile of the distances, over the standard deviation, of a normal distribution
 LEAST_TRUST = 0.01  # not 0: what lies there still says a little
@@ -59,6 +60,7 @@ def trust_of(pairs: Correspondences, weights: Array, noise_m: float, kept: Mask 
     alike = (ratio < ALIKE).all() and (ratio > 1 / ALIKE).all()
     trust = np.tile(np.ones(SIDES) if alike else np.clip(ratio**2, 1 / MOST, MOST), (n, 1))
     strange = touched(pairs.segment[used], side, residual, n, noise_m)
+    strange |= scattered(pairs.segment[used], side, residual, n, noise_m)
     if kept is not None:
         strange[kept] = False
     if alike and not strange.any():
@@ -89,6 +91,18 @@ def touched(segment: Index, side: Index, residual_m: Array, segments: int, noise
         if np.isfinite(column).sum() >= LEAST_ALIKE:
             usual_m[k] = max(float(np.nanmedian(column)), TOUCHING_TO_SD * noise_m / STRANGE)
     return np.asarray(scatter_m > STRANGE * usual_m)
+
+
+def scattered(segment: Index, side: Index, residual_m: Array, segments: int, noise_m: float) -> Mask:
+    """Return the patches [N][8] that make up no surface: half of the points are more than two deviations off.
+
+    Counted with the patch across: what stands about a member's end lies on both sides of it. Arguments as `touched`.
+    """
+    across = segment * (SIDES // 2) + side % (SIDES // 2)
+    order, most = np.argsort(across, kind="stable"), segments * SIDES // 2
+    parts = np.split(residual_m[order], np.cumsum(np.bincount(across, minlength=most)))
+    half_m = np.array([np.median(p) if len(p) >= LEAST_SCATTERED else 0.0 for p in parts[:-1]])
+    return np.tile(half_m.reshape(segments, SIDES // 2) > SCATTERED * noise_m, (1, 2))
 
 
 def touched_segments(trust: Array | None, segments: int) -> Mask:

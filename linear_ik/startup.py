@@ -22,6 +22,7 @@ from linear_ik.distance_field import NEAR_M, distance_fields
 from linear_ik.ik_step import Solver
 from linear_ik.problem import AXIAL, Problem
 from linear_ik.repair import repair
+from linear_ik.search_cloud import SearchCloud
 from linear_ik.search_directions import base_shifts, bend_rotations, joint_bends
 from linear_ik.seen_through import Refuter
 from linear_ik.settings import FitSettings
@@ -32,9 +33,13 @@ Index = npt.NDArray[np.intp]
 
 POINTS_A_SEARCH = 600
 LEAST_TAU_M, MOST_TAU_M = 0.004, 0.012  # wider, and the two sides of a plate are one
-CHILDREN = 3
+CHILDREN, FIRST_CHILDREN = 3, 8  # directions taken; of the first segment on a base that moves
+MOST_LOOKED_AT = 2000  # directions, best first, among which these are found
+APART_M, DISTINCT_M = 0.03, 0.003  # ends of two directions, nodes of two refined chains: nearer ones are the same
 BEAM = (8, 4, 4, 2, 2, 1)  # hypotheses kept after each segment, where the base floats too
 EXPLAINED_SHARE = 0.9
+USUAL_SHARE, LOST_SHARE = 0.6, 0.1  # of what the segments before explain: enough to go on, and next to nothing
+JOINT_SHARE = 0.1  # of a segment at each end, where its neighbour's surface explains points too
 LEAST_SUPPORT = 12  # points: of a segment, and of a search
 SLIDES = (-0.8, -0.4, 0.4, 0.8)  # of what the start's tolerance allows
 BENT_RAD = np.radians(3.0)  # from where on bends show a slide
@@ -73,6 +78,7 @@ class Startup:
         """Take a cloud of even density, element's frame, its noise, and what says that a chain cannot be."""
         self.refuted: Refuter = refuted or (lambda x, grown: False)
         self.problem, self.points, self.noise_m = problem, points, noise_m
+        self.cloud = SearchCloud(points, problem.surface.reach_m + NEAR_M)
         self.settings, self.solver, self.log = settings, solver, log
         # The two sides of a pole are as far apart as it is thick.
         most_m = max(MOST_TAU_M, 0.5 * (problem.surface.radius_m or 0.0))
@@ -151,7 +157,7 @@ class Startup:
         pairs = self.problem.matcher.match(self.problem.chain.pose(x), local, k + 1, first)
         found = int(np.count_nonzero(pairs.distance_m[pairs.starts[k] :] < self.tau_m))
         expected = float(np.median(parent.support)) if parent.support else 0.0
-        lost = found < max(LEAST_SUPPORT, 0.1 * expected)
+        lost = found < max(LEAST_SUPPORT, LOST_SHARE * expected)
         if alone and k > 2:
             score = explained(pairs.distance_m, self.tau_m) - self.bend_cost(x)
         else:
@@ -173,14 +179,14 @@ class Startup:
         """Whether the points around segment k are on it, and enough of them."""
         pose = self.problem.chain.pose(h.x)
         length = float(self.problem.chain.segment_length_m[k])
-        local = (self.within(pose.nodes_m[k], length) - pose.nodes_m[k]) @ pose.rotations[k]
+        local = (self.cloud.within(pose.nodes_m[k], length) - pose.nodes_m[k]) @ pose.rotations[k]
         beside = np.hypot(local[:, 0], local[:, 1]) < self.problem.surface.reach_m + NEAR_M
-        around = local[beside & (local[:, 2] > 0.1 * length) & (local[:, 2] < 0.9 * length)]
+        around = local[beside & (local[:, 2] > JOINT_SHARE * length) & (local[:, 2] < (1.0 - JOINT_SHARE) * length)]
         if len(around) < LEAST_SUPPORT:
             return False
         share = float(np.mean(self.problem.surface.section(k).distances(around[:, :2]) < self.tau_m))
         usual = float(np.median(h.support))
-        return share >= EXPLAINED_SHARE and h.support[k] >= 0.6 * usual
+        return share >= EXPLAINED_SHARE and h.support[k] >= USUAL_SHARE * usual
 
     def searched(self, parent: Hypothesis, k: int) -> Iterator[Array]:
         """Yield the variables of the most promising directions of segment k (or its arm)."""
@@ -200,12 +206,12 @@ class Startup:
         field = self.fields((first + k) // 2)
         scores = np.stack([field.scores(points - pose.nodes_m[first] - s, turns, length) for s in shifts])
         scores -= 0.5 * (((bends - designed) / self.problem.prior_sd[row : row + 2]) ** 2).sum(axis=1)
-        wanted = 8 if len(shifts) > 1 else CHILDREN
+        wanted = FIRST_CHILDREN if len(shifts) > 1 else CHILDREN
         taken: list[tuple[Array, Array]] = []
-        for best in np.argsort(-scores, axis=None)[:2000]:
+        for best in np.argsort(-scores, axis=None)[:MOST_LOOKED_AT]:
             shift, bend = shifts[best // len(bends)], bends[best % len(bends)]
             direction = turns[best % len(bends), :, 2] * length + shift
-            if all(np.linalg.norm(direction - d) + np.linalg.norm(shift - s) > 0.03 for d, s in taken):
+            if all(np.linalg.norm(direction - d) + np.linalg.norm(shift - s) > APART_M for d, s in taken):
                 taken.append((direction, shift))
                 x = parent.x.copy()
                 x[:3] += shift
@@ -229,15 +235,9 @@ class Startup:
             x = next(self.searched(Hypothesis(x, 0.0, None, ()), j), x)
         return x
 
-    def within(self, centre: Array, reach_m: float) -> Array:
-        """Return the points near a node."""
-        offset = self.points - centre
-        radius = reach_m + self.problem.surface.reach_m + NEAR_M
-        return np.asarray(self.points[np.einsum("ij,ij->i", offset, offset) < radius**2])
-
     def unexplained(self, parent: Hypothesis, k: int, node: Array, length_m: float) -> Array:
         """Return up to 600 points near a node that no segment grown so far explains."""
-        points = self.within(node, length_m)
+        points = self.cloud.within(node, length_m)
         first = k if parent.arm is None else parent.arm
         if first and len(points):
             pairs = self.problem.matcher.match(self.problem.chain.pose(parent.x), points, first)
@@ -249,12 +249,7 @@ class Startup:
     def around(self, x: Array, grown: int | None = None, first: int = 0) -> Array:
         """Return the points that segments ``first`` to ``grown`` - 1 could explain, and their surroundings."""
         nodes = self.problem.chain.pose(x).nodes_m
-        near = np.zeros(len(self.points), dtype=bool)
-        for start, end in zip(nodes[:-1][first:grown], nodes[1:][first:grown], strict=True):
-            axis, offset = end - start, self.points - start
-            offset -= np.clip(offset @ axis / (axis @ axis), 0.0, 1.0)[:, None] * axis
-            near |= np.einsum("ij,ij->i", offset, offset) < (self.problem.surface.reach_m + NEAR_M) ** 2
-        return np.asarray(self.points[near])
+        return self.cloud.around(nodes[first : None if grown is None else grown + 1])
 
     def score(self, x: Array, k: int | None = None, tau_m: float | None = None) -> float:
         """Return the points explained, each between 0 and 1, less the cost of the bends."""
@@ -284,7 +279,7 @@ class Startup:
             nodes = self.problem.chain.pose(h.x).nodes_m
             grown = len(h.support) + 1
             others = (self.problem.chain.pose(o.x).nodes_m for o in kept)
-            if all(np.abs(nodes[:grown] - o[:grown]).max() > 0.003 for o in others):
+            if all(np.abs(nodes[:grown] - o[:grown]).max() > DISTINCT_M for o in others):
                 if len(ranked) == 1 or not self.refuted(h.x, len(h.support)):
                     kept.append(h)
             if len(kept) == width:

@@ -138,7 +138,7 @@ def scan_virtually(
         distance, label, normals = scene.cast(window, azimuth, elevation)
         hit = np.isfinite(distance)
         returns = int(hit.sum())
-        edge, behind = _edges(distance, background_m)
+        edge, behind = edges(distance, background_m)
         chosen = rng.choice(edge, min(len(edge), round(mixed_pixels * returns)), replace=False)
         front = distance.flat[chosen]
         distance.flat[chosen] = front + rng.random(len(chosen)) * (behind.flat[chosen] - front)
@@ -240,7 +240,7 @@ def _step_for(points: int, scene: _Scene, windows: list[_Window]) -> float:
     return float(np.sqrt(solid / points))
 
 
-def _edges(distance: Array, background_m: float) -> tuple[npt.NDArray[np.intp], Array]:
+def edges(distance: Array, background_m: float) -> tuple[npt.NDArray[np.intp], Array]:
     """Return the flat indices of rays at the edge of something, and what is behind each ray.
 
     Args:

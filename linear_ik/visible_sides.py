@@ -9,6 +9,7 @@ plate's thickness apart.
 from __future__ import annotations
 
 from collections.abc import Callable, Iterator
+from itertools import pairwise
 from typing import NamedTuple
 
 import numpy as np
@@ -35,6 +36,8 @@ LEAST_POINTS = 100  # on the plates: fewer do not tell one bell from two
 FARTHEST = 3.0  # deviations: other points count no further off
 NEXT_TO_NONE = np.finfo(float).tiny  # of likelihood: a point far from all sides is shared as the points near them are
 ROUNDS = 40  # of expectation maximisation: proportions settle within a hundredth
+CORNER, LEAST_INSIDE = 2.5, 3.0  # deviations that noise takes points around a corner; of a face, so many times that
+EXPECTED = 8.0  # points of each segment that are on its faces as all of the member's are
 SPARSEST = 1e-3  # of the densest face: a point 3.7 deviations nearer to another is still that one's
 
 
@@ -163,9 +166,11 @@ def seen_from(
 
 
 def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) -> Array:
-    """Return the handicap [E] of each face, m^2: ``-2 s^2 ln rho_f``, inf for faces that nobody saw.
+    """Return the handicap [N][E] of each segment's faces, m^2: ``-2 s^2 ln rho_f``, inf for faces that nobody saw.
 
-    rho_f is the points on a face for each metre of its width, over those of the densest; a thousandth at least.
+    rho_f is the points on a face for each metre of its width, over those of the densest; a thousandth at least. A
+    segment's are expected as those of all segments together, which count as a few points of its own: what a station
+    sees of a member may change along it.
 
     By expectation maximisation: a point is on a face with a probability that falls with its distance from it, as the
     normal distribution does, and rises with the density of points there. A point near a corner so belongs to the face
@@ -177,18 +182,53 @@ def handicaps(surface: Surface, found: Descended, hidden: Mask, noise_m: float) 
         hidden: [E] faces that nobody saw.
         noise_m: s, standard deviation of a point.
     """
-    local = found.pairs.local[found.weights > 0, :2]
+    rows = found.weights > 0
+    local, segment, n = found.pairs.local[rows, :2], found.pairs.segment[rows], len(found.pairs.starts) - 1
     if not len(local):
-        return np.where(hidden, np.inf, 0.0)
+        return np.tile(np.where(hidden, np.inf, 0.0), (n, 1))
     likely = np.exp(-0.5 * np.stack(list(surface.squares(local)), axis=1) / noise_m**2)
     likely += NEXT_TO_NONE
-    density = np.where(hidden, 0.0, 1.0 / surface.widths_m)
+    inside, counted_m = _away_from_corners(surface, local, noise_m)
+    everywhere = _densities(likely, inside, counted_m, np.where(hidden, 0.0, 1.0 / surface.widths_m))
+    starts = np.searchsorted(segment, np.arange(n + 1))
+    each = [_densities(likely[a:b], inside[a:b], counted_m, everywhere, EXPECTED) for a, b in pairwise(starts)]
+    density = np.stack(each)
+    relative = np.maximum(density / density.max(axis=1, keepdims=True), SPARSEST)
+    return np.where(hidden, np.inf, -2.0 * noise_m**2 * np.log(relative))
+
+
+def _away_from_corners(surface: Surface, local: Array, noise_m: float) -> tuple[Mask, Array]:
+    """Return which points [P][E] are beside which faces away from the corners, and how wide [E] those parts are.
+
+    A scanner's last column of points before an edge would be a face around the corner as well. Only that has no
+    points farther from the corner.
+    """
+    margin_m = np.where(surface.widths_m > LEAST_INSIDE * CORNER * noise_m, CORNER * noise_m, 0.0)
+    inside = np.empty((len(local), len(margin_m)), dtype=bool)
+    for e, (corner, tangent) in enumerate(zip(surface.corners, surface.tangents, strict=True)):
+        along = (local - corner) @ tangent
+        inside[:, e] = (along >= margin_m[e]) & (along <= surface.widths_m[e] - margin_m[e])
+    inside[:, margin_m == 0.0] = True
+    return inside, surface.widths_m - 2.0 * margin_m
+
+
+def _densities(likely: Array, inside: Mask, counted_m: Array, density: Array, expected: float = 0.0) -> Array:
+    """Return the points [E] for each metre of the faces' widths.
+
+    Args:
+        likely: [P][E] likelihood of each point, were it on the face.
+        inside: [P][E] whether it is where the face's points are counted.
+        counted_m: [E] how wide that is.
+        density: [E] to begin with.
+        expected: so many points more are spread as that says.
+    """
+    before = density * counted_m
+    before *= expected / before.sum()
     for _ in range(ROUNDS):
         belongs = likely * density
         belongs /= belongs.sum(axis=1, keepdims=True)
-        density = belongs.sum(axis=0) / surface.widths_m
-    relative = np.maximum(density / density.max(), SPARSEST)
-    return np.where(hidden, np.inf, -2.0 * noise_m**2 * np.log(relative))
+        density = ((belongs * inside).sum(axis=0) + before) / counted_m
+    return density
 
 
 def _on_plate(pairs: Correspondences, surface: Surface, plate: Plate, noise_m: float, wholly: bool = True) -> Index:

@@ -19,7 +19,12 @@ def pose_of(*bends: str):
 
 
 @pytest.mark.parametrize(
-    ("bends", "where"), [(("2:y:30", "3:y:-30"), (1, 1)), (("3:x:36", "5:x:-45", "6:x:9", "9:y:2"), (2, 3))]
+    ("bends", "where"),
+    [
+        (("2:y:30", "3:y:-30"), (1, 1)),
+        (("3:x:36", "5:x:-45", "6:x:9", "9:y:2"), (2, 3)),
+        (("1:x:30", "2:x:-30"), (0, 0)),
+    ],
 )
 def test_a_step_aside_is_seen(bends, where):
     first, last, aside_m = stepped_aside(pose_of(*bends))

@@ -12,6 +12,7 @@ import numpy.typing as npt
 
 from benchlib.building import Building
 from linear_ik.scene import Mesh, segment_meshes
+from linear_ik.virtual_scanner import edges
 
 Array = npt.NDArray[np.float64]
 
@@ -19,7 +20,6 @@ RANGE_NOISE_M = 0.0015
 MIXED_PIXELS = 0.01
 FARTHEST_M = 80.0
 RAYS_AT_ONCE = 500_000
-EDGE_M = 0.02
 SCALE_M = 1e-4
 
 
@@ -113,9 +113,7 @@ def _sweep(scene: Any, place: Array, step: float, rng: np.random.Generator) -> I
 
 def _measured(distance: Array, found: npt.NDArray[np.bool_], rng: np.random.Generator) -> Array:
     """Return the ranges of the returns, noisy, some of them mixed pixels."""
-    behind = np.maximum(np.roll(distance, 1, axis=1), np.roll(distance, -1, axis=1))
-    with np.errstate(invalid="ignore"):
-        edge = np.flatnonzero((found & np.isfinite(behind) & (behind - distance > EDGE_M)).ravel())
+    edge, behind = edges(distance, 0.0)
     chosen = rng.choice(edge, min(len(edge), round(MIXED_PIXELS * found.sum())), replace=False)
     out = distance.copy()
     out.flat[chosen] += rng.random(len(chosen)) * (behind.flat[chosen] - distance.flat[chosen])
