@@ -93,7 +93,8 @@ def _run(task: Task) -> Outcome:
 
 def _fit(task: Task, rows: npt.NDArray[np.bool_]) -> FitResult:
     if not rows.any():
-        near = f"no points within {1e3 * task.reach_m:.0f} mm of its designed surface"
-        return not_scanned(task.element, near, task.settings)
+        where = f"within {1e3 * task.reach_m:.0f} mm of its designed surface"
+        others = f"all {len(rows):,} points {where} are its neighbours' or other parts' of the design"
+        return not_scanned(task.element, others if len(rows) else f"no points {where}", task.settings)
     index = None if task.station_index is None else task.station_index[rows]
     return fit(task.element, Scan(task.points[rows], None, task.stations, index), task.settings)
