@@ -11,14 +11,13 @@ import numpy.typing as npt
 
 from linear_ik.correspondence import Correspondences
 from linear_ik.stage import robust_cost, robust_weights
-from linear_ik.tally import BESIDE
 
 Array = npt.NDArray[np.float64]
 
 LEAST_SAGITTA_M = 0.002  # as far as a node may be unsure by where a fit claims to be right
 SURE = 5.0  # deviations
 LEAST_GAIN = 0.08  # of the robust cost: what stands beside a segment is explained by a curve no better
-ROBUST_SCALE = 4.0  # deviations
+ROBUST_SCALE, NEAR = 4.0, 6.0  # deviations; what lies farther off is something else's
 ROUNDS = 5
 LEAST_POINTS = 30
 
@@ -38,7 +37,7 @@ def sagittas(pairs: Correspondences, segment_length_m: float, noise_m: float) ->
     out = np.zeros(len(pairs.starts) - 1)
     for k in range(len(out)):
         rows = slice(pairs.starts[k], pairs.starts[k + 1])
-        near = pairs.distance_m[rows] <= BESIDE * noise_m
+        near = pairs.distance_m[rows] <= NEAR * noise_m
         if np.count_nonzero(near) >= LEAST_POINTS:
             t = pairs.local[rows, 2][near] / segment_length_m
             out[k] = _sagitta(t, pairs.gradient[rows][near], pairs.residual_m[rows][near], noise_m)
