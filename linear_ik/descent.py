@@ -31,6 +31,8 @@ from linear_ik.terms.support import end_support
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
+CALMER = 0.7  # times as long, a step after one that it takes back
+
 
 @dataclass(eq=False)
 class Log:
@@ -67,6 +69,7 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
     lower, upper = chain.lower[moving], chain.upper[moving]
     lam = Damping(settings.weights.damping)
     pose, cost_m2, converged = chain.pose(x), np.inf, False
+    gain, last = 1.0, np.zeros(len(moving))
     for i in range(stage.iterations):
         pairs, weights, scale_m = stage.pair(problem, pose, stage, i)
         if len(log.records) >= settings.max_iterations:
@@ -84,6 +87,10 @@ def descend(problem: Problem, x: Array, stage: Stage, settings: FitSettings, sol
             np.minimum(upper - x[moving], settings.max_step_rad),
             solver,
         )
+        if stage.calm_after is not None and i >= stage.calm_after:
+            # Points between two faces go to and fro: where their pulls balance, only shorter steps come to rest.
+            gain = CALMER * gain if float(last @ objective.H @ dx) < 0.0 else min(gain / CALMER, 1.0)
+            last, dx = dx, gain * dx
         x = x.copy()
         x[moving] += dx
         x = chain.clip(x)

@@ -15,7 +15,7 @@ Index = npt.NDArray[np.intp]
 Mask = npt.NDArray[np.bool_]
 
 LEAST_SIDE = 0.25  # of the points that a side would have in a complete scan
-ONE_SIDE = 0.95  # share of the points
+ONE_SIDE = 0.98  # share of the points; where others are a twentieth, they show a second side
 PARALLEL_REACH = 0.3  # of the section's size
 CLOSE_M = 0.03
 LEAST_SHARE = 0.3  # of the points of the side opposite

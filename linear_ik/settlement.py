@@ -51,7 +51,7 @@ ROBUST_SCALE, NARROW_SCALE = 5.0, 3.0
 NOISE_MISGIVEN = 3.0
 STILL = 0.1  # of the noise: what the step on all points may be left to do
 MOST_ROUNDS = 5
-MOST_ITERATIONS = 50
+MOST_ITERATIONS, CALM_AFTER = 50, 12
 SLIDE_SEEN_M = 0.003
 
 
@@ -125,6 +125,7 @@ class _Descents:
             ignored=foreign if foreign.any() else None,
             depth_m=depth_of(problem, noise_m),
             trust=trust,
+            calm_after=CALM_AFTER,
         )
         return descend(problem, x, stage, self.settings, self.solver, self.log)
 

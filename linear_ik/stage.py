@@ -63,6 +63,7 @@ class Stage:
         pair: finds and weighs the matches of an iteration.
         term: what the matches ask of the step.
         close_m: converged too when no match is farther apart.
+        calm_after: from this iteration on steps that turn back are shortened; None: never.
     """
 
     phase: str
@@ -80,6 +81,7 @@ class Stage:
     pair: Pairing = field(default_factory=lambda: on_surface)
     term: PointTerm = point_residual
     close_m: float = 0.0
+    calm_after: int | None = None
 
 
 def on_surface(problem: Problem, pose: Pose, stage: Stage, i: int) -> Paired:
