@@ -84,10 +84,10 @@ class PropertySets:
         """Say that a product was looked for and is not in the scan, or has no shape to show."""
         self._attach([product], self._common(result.status, AS_DESIGNED, result.reasons, notes))
 
-    def of_not_fitted(self, products: list[Any]) -> None:
-        """Say that products were not looked for."""
+    def of_not_fitted(self, products: list[Any], why: str = "") -> None:
+        """Say that products were not looked for, and why."""
         if products:
-            self._attach(products, self._common(NOT_FITTED, AS_DESIGNED, (), ()))
+            self._attach(products, self._common(NOT_FITTED, AS_DESIGNED, [why] if why else (), ()), why)
 
     def _common(self, status: str, shape: str, reasons: Iterable[str], notes: Iterable[str]) -> list[Any]:
         if self._draft.schema == "IFC2X3":
@@ -136,25 +136,25 @@ class PropertySets:
                 if not model.get_total_inverses(value):
                     model.remove(value)
 
-    def _attach(self, products: list[Any], values: list[Any]) -> None:
+    def _attach(self, products: list[Any], values: list[Any], about: str = "") -> None:
         make, owner = self._draft.make, self._draft.owner_history(products[0])
         sheet = make(
             "IfcPropertySet",
-            GlobalId=guid_of(products[0], "properties"),
+            GlobalId=sheet_guid(products[0], about + "properties"),
             OwnerHistory=owner,
             Name=NAME,
             HasProperties=values,
         )
         make(
             "IfcRelDefinesByProperties",
-            GlobalId=guid_of(products[0], "relation"),
+            GlobalId=sheet_guid(products[0], about + "relation"),
             OwnerHistory=owner,
             RelatedObjects=products,
             RelatingPropertyDefinition=sheet,
         )
 
 
-def guid_of(product: Any, what: str) -> str:
+def sheet_guid(product: Any, what: str) -> str:
     """Return the GlobalId of what is said of a product: the same whenever it is said."""
     import ifcopenshell.guid
 

@@ -4,7 +4,8 @@ ifcopenshell 0.9 applies the operator of an IfcDerivedProfileDef twice when it s
 profile: what is mirrored twice is not mirrored at all. In the model in memory such a
 profile's place is taken by its outline, point by point. It makes nothing of a disk swept
 along a polyline with rounded corners, so the corners become points; and it takes angles
-for degrees where the file names no unit for them, which means radians.
+for degrees where the file names no unit for them, which means radians. For a product without
+a GlobalId it waits for ever, with an empty one it does not.
 """
 
 from __future__ import annotations
@@ -28,6 +29,7 @@ def mend(model: Any, profiles: ProfileReader, unit_m: float) -> None:
     _draw_rounded_corners(model, unit_m)
     _leave_out_impossible_tubes(model)
     _say_radians(model)
+    _name_emptily(model)
 
 
 def _draw_rounded_corners(model: Any, unit_m: float) -> None:
@@ -51,6 +53,12 @@ def _leave_out_impossible_tubes(model: Any) -> None:
         bore = disk.InnerRadius
         if bore is not None and disk.Radius is not None and not 0 < bore < disk.Radius:
             disk.InnerRadius = None
+
+
+def _name_emptily(model: Any) -> None:
+    for product in model.by_type("IfcProduct"):
+        if product.GlobalId is None:
+            product.GlobalId = ""
 
 
 def _say_radians(model: Any) -> None:

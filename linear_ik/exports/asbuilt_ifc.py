@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from linear_ik.asbuilt.shape import AsBuiltError, bent_shape
 from linear_ik.atomic import check_writable
 from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.file import open_model
-from linear_ik.bim.products import LINEAR_CLASSES, linear_products
+from linear_ik.bim.products import LINEAR_CLASSES, guid_of, linear_products, not_named, text
 from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.result import FitResult
 
@@ -70,7 +70,11 @@ def write_asbuilt_ifc(
     target = check_writable(out_path)
     date = datetime.now(timezone.utc) if when is None else when
     draft = Draft(open_model(design_path).model, Path(design_path))
-    products = {product.GlobalId: product for product in draft.model.by_type("IfcProduct")}
+    linear, nameless = [p for p, _ in linear_products(draft.model, LINEAR_CLASSES)], not_named(draft.model)
+    products: dict[str, Any] = {}
+    for product in (*(p for p in linear if p.id() not in nameless), *draft.model.by_type("IfcProduct")):
+        products.setdefault(guid_of(product), product)
+    results = {text(guid): result for guid, result in results.items()}
     unknown = next((guid for guid in results if guid not in products), None)
     if unknown is not None:
         raise AsBuiltError(unknown, f"no product of {design_path}", "the GlobalId of an element of the design")
@@ -96,6 +100,7 @@ def write_asbuilt_ifc(
             sheets.of_not_found(product, result, [f"The fitted shape cannot be drawn: {error if known else what}"])
             on_left(guid, what)
     exchange.finish()
-    linear = [product for product, _ in linear_products(draft.model, LINEAR_CLASSES)]
-    sheets.of_not_fitted([product for product in linear if product.GlobalId not in results])
+    for reason in ("", *sorted(set(nameless.values()))):
+        some = [p for p in linear if nameless.get(p.id(), "") == reason]
+        sheets.of_not_fitted([p for p in some if reason or guid_of(p) not in results], reason)
     return write_model(draft.model, target, date)
