@@ -12,6 +12,7 @@ from small_ifc import tessellated
 
 import linear_ik
 from linear_ik.cli import main
+from linear_ik.deviation import deviations
 from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
 
 
@@ -102,3 +103,40 @@ def test_elements_without_a_globalid_are_left_out_and_stand_in_the_way(tmp_path,
     assert np.ptp(tessellated(built, "0" * 22)[0][:, 2]) == pytest.approx(3.0)
     assert main(["check", str(path)]) == 0
     assert "it has no GlobalId" in capsys.readouterr().out
+
+
+@pytest.mark.parametrize("status", ["converged", "not_scanned"])
+def test_an_owner_history_without_a_user_costs_nothing(status, tmp_path):
+    file, (first, _) = two_columns()
+    organisation = file.new("IfcOrganization", None, "x")
+    application = file.new("IfcApplication", organisation, "1", "n", "i")
+    first.OwnerHistory = file.new("IfcOwnerHistory", None, application, None, "ADDED", 1, None, None, 1)
+    path = file.write(tmp_path / "m.ifc")
+    results = {m.guid: result_of(m.element, status=status) for m in linear_ik.read_design(path, threads=1).members}
+    built = ifcopenshell.open(str(write_asbuilt_ifc(path, results, tmp_path / "asbuilt.ifc")))
+    assert {said["Status"] for said in sheets(built).values()} == {status.replace("_", " ")}
+
+
+def test_a_body_is_not_replaced_where_its_figures_cannot_be_written(tmp_path, monkeypatch):
+    file, _ = two_columns()
+    path = file.write(tmp_path / "m.ifc")
+    good, bad = (result_of(m.element) for m in linear_ik.read_design(path, threads=1).members)
+    guids = [m.guid for m in linear_ik.read_design(path, threads=1).members]
+    left = []
+
+    def fails(result):
+        if result is bad:
+            raise ValueError("no figures")
+        return deviations(result)
+
+    monkeypatch.setattr("linear_ik.asbuilt.properties.deviations", fails)
+    out = write_asbuilt_ifc(
+        path,
+        dict(zip(guids, (good, bad), strict=True)),
+        tmp_path / "out.ifc",
+        on_left=lambda guid, what: left.append((guid, what)),
+    )
+    built = ifcopenshell.open(str(out))
+    assert left == [(guids[1], "ValueError: no figures")]
+    assert {tag: said["Shape"] for tag, said in sheets(built).items()} == {"C0": "as built", "C1": "as designed"}
+    assert items(built, "C0") == [1, 10] and items(built, "C1") == [1]

@@ -87,10 +87,11 @@ def write_asbuilt_ifc(
         try:
             shape = bent_shape(result)
             T_product_model = np.asarray(np.linalg.inv(draft.T_model_product(product)), dtype=np.float64)  # noqa: N806 (T_target_source)
-            notes = exchange.notes(product)
+            # What may fail comes before the body is replaced.
+            said_of_it = sheets.of_fitted(result, exchange.notes(product))
             items = body_items(draft, shape, T_product_model, body, exchange.designed_profile(product))
             exchange.replace(product, items, axis_items(draft, shape, T_product_model))
-            sheets.of_fitted(product, result, notes)
+            sheets.attach([product], said_of_it)
         except (LinearIkError, *BROKEN) as error:
             known = isinstance(error, LinearIkError)
             what = f"{error.subject}: {error.what}" if isinstance(error, LinearIkError) else said(error)
