@@ -14,7 +14,7 @@ from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.chain_of_solids import joined
 from linear_ik.bim.mesh_sweep import box_sides, shape, sweeps_of_mesh
 from linear_ik.bim.profiles import ProfileReader
-from linear_ik.bim.solids import Solid, body_representation, solids_of
+from linear_ik.bim.solids import Solid, body_representations, solids_of
 from linear_ik.bim.sweep import Sweep, into, out_of
 from linear_ik.bim.sweeps import SweepReader
 from linear_ik.bim.tessellation import Body, item_body
@@ -72,12 +72,12 @@ class MemberReader:
             return Reading(None, f"it cannot be read: {said(error)}")
 
     def _read(self, product: Any, body: Body | None) -> Reading:
-        representation = body_representation(product)
-        if representation is None:
+        found = body_representations(product)
+        if not found:
             return self._without_body(product)
         if body is None:
             return Reading(None, "its body cannot be computed")
-        solids = solids_of(representation, self.unit_m)
+        solids = solids_of(found[0], self.unit_m)
         if len(solids) == 1:
             return self._single(solids[0], body)
         return self._several(solids, body)

@@ -15,7 +15,7 @@ from linear_ik.bim.body_check import enough_segments
 from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.file import ModelFile, open_model
 from linear_ik.bim.georeference import angle_unit_rad, length_unit_m, map_conversion, true_north
-from linear_ik.bim.kernel_repairs import mend
+from linear_ik.bim.kernel_repairs import leave_one_body, mend
 from linear_ik.bim.member_reader import MemberReader
 from linear_ik.bim.products import guid_of, linear_products, not_named, other_products, profile_name, text
 from linear_ik.bim.profiles import ProfileReader
@@ -79,9 +79,10 @@ def _read(file: ModelFile, how: DesignSettings, on_progress: OnProgress | None) 
     angle_rad = angle_unit_rad(model)
     profiles = ProfileReader(unit_m, angle_rad, how.tolerance_m)
     mend(model, profiles, unit_m)
+    remarks = leave_one_body([*(product for product, _ in linear), *others])
     reader = MemberReader(profiles, SweepReader(profiles, unit_m, angle_rad), how.slenderness, how.tolerance_m, unit_m)
     found = bodies(model, [p for p, _ in linear if p.Representation] + others, how.kernel_threads, on_progress)
-    members, left_out, unfit = _read_members(reader, linear, not_named(model), found, how)
+    members, left_out, unfit = _read_members(reader, linear, not_named(model), remarks, found, how)
     if how.obstacles:
         unfit += [(product, product.is_a()) for product in others]
     conversion, notes = map_conversion(model, unit_m)
@@ -115,6 +116,7 @@ def _read_members(
     reader: MemberReader,
     linear: list[tuple[Any, str]],
     nameless: dict[int, str],
+    remarks: dict[int, str],
     found: dict[int, Body],
     how: DesignSettings,
 ) -> tuple[list[Member], list[LeftOut], list[tuple[Any, str]]]:
@@ -133,7 +135,8 @@ def _read_members(
                 element = _element(product, reading.sweep, T, how)
                 tag = text(getattr(product, "Tag", None)) or text(product.Name)
                 section = profile_name(product, reading.solid)
-                members.append(Member(guid, name, text(product.Name), tag, section, element, reading.remark))
+                remark = "; ".join(filter(None, (reading.remark, remarks.get(product.id()))))
+                members.append(Member(guid, name, text(product.Name), tag, section, element, remark))
                 continue
             except ElementError as error:
                 reason = f"it makes no element: {error}"
