@@ -23,6 +23,9 @@ from linear_ik.profile import Polygon, Rectangle
 
 Array = npt.NDArray[np.float64]
 
+# Of the section's larger side: how far a corbel, an end plate or the bend at a downpipe's foot reaches.
+MOST_FIXED = 1.5
+
 
 @dataclass(frozen=True, eq=False)
 class Reading:
@@ -166,8 +169,10 @@ class MemberReader:
             if self._agrees(compared):
                 return Reading(sweep, solid=item)
             reason = _difference(compared)
-            # A corbel or an end plate belongs to the body, not to the section that most of it has.
-            if second is None and sweep.axis_m is None and sweep.profile_end is None:
+            # A corbel or an end plate belongs to the body, not to the section that most of it has. A second leg
+            # of a pipe is more than that.
+            fixed = compared.outside_m <= MOST_FIXED * _side_m(sweep)
+            if second is None and fixed and sweep.axis_m is None and sweep.profile_end is None:
                 second = Reading(sweep, remark=reason, solid=item)
         return second or Reading(None, reason, solid=item)
 
@@ -187,7 +192,11 @@ class MemberReader:
 
     def _slender(self, sweep: Sweep) -> bool:
         # A hair's breadth is rounding.
-        return sweep.length_m + 1e-6 >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
+        return sweep.length_m + 1e-6 >= self.slenderness * _side_m(sweep)
+
+
+def _side_m(sweep: Sweep) -> float:
+    return float(np.ptp(sweep.profile.outline(), axis=0).max())
 
 
 def _area(sweep: Sweep) -> float:
