@@ -2,7 +2,10 @@
 
 from __future__ import annotations
 
+import csv
+
 import ifcopenshell
+import ifcopenshell.util.element
 import pytest
 from asbuilt_samples import result_of
 from ifc_files import IfcFile
@@ -66,7 +69,8 @@ def test_a_body_of_another_name_is_read_and_replaced(name, tmp_path):
     assert not model.obstacles and not member.remark
     assert isinstance(member.element.profile, IShape)
     out = write_asbuilt_ifc(tmp_path / "m.ifc", {member.guid: result_of(member.element)}, tmp_path / "out.ifc")
-    (built,) = ifcopenshell.open(str(out)).by_type("IfcBeam")
+    model = ifcopenshell.open(str(out))
+    (built,) = model.by_type("IfcBeam")
     shown = {r.RepresentationIdentifier: len(r.Items) for r in built.Representation.Representations}
     assert shown == {"Axis": 1, "Body": member.element.segments}
 
@@ -79,3 +83,29 @@ def test_an_as_built_file_that_keeps_the_design_is_read_as_built(tmp_path):
     out = write_asbuilt_ifc(tmp_path / "m.ifc", {member.guid: result}, tmp_path / "out.ifc", keep_design=True)
     (again,) = linear_ik.read_design(out, threads=1).members
     assert again.element.placement.location[0] == pytest.approx(0.03)
+
+
+def test_parts_that_are_not_in_the_element_are_named_in_the_table_and_in_the_as_built_file(tmp_path):
+    def section(x, y):
+        return file.new("IfcRectangleProfileDef", "AREA", "R", file.frame2d(), x, y)
+
+    file = IfcFile()
+    plate = file.extrusion(section(0.6, 0.8), 0.04, file.frame((0, 0, 3.0)))
+    corbel = file.extrusion(section(0.3, 0.3), 0.5, file.frame((0.2, 0, 1), (1, 0, 0), (0, 1, 0)))
+    file.beam(file.extrusion(section(0.2, 0.3), 3.0), plate, corbel, name="with plate and corbel")
+    _, member = read(file, tmp_path / "m.ifc")
+    assert member.remark == "read from one of the 3 solids of its body"
+    scan = linear_ik.simulate(member.element, points=1500, seed=1)
+    linear_ik.write_scan(linear_ik.Scan(scan.points), tmp_path / "scan.ply")
+    options = linear_ik.ModelFitOptions(workers=0)
+    found = linear_ik.fit_model(tmp_path / "m.ifc", [tmp_path / "scan.ply"], tmp_path / "out", options=options)
+    assert found.fitted == 1
+    (row,) = csv.DictReader((tmp_path / "out" / "elements.csv").read_text().splitlines())
+    assert row["remark"] == member.remark
+    model = ifcopenshell.open(str(tmp_path / "out" / "asbuilt.ifc"))
+    (built,) = model.by_type("IfcBeam")
+    said = ifcopenshell.util.element.get_pset(built, "LinearIK_AsBuilt")
+    assert (said["Shape"], said["Notes"]) == (
+        "as built",
+        "What else the design shows of it is not in the as-built body: read from one of the 3 solids of its body.",
+    )

@@ -17,6 +17,7 @@ from linear_ik.bim.solids import body_representations
 # They were computed from the designed body, and would contradict the new one.
 DERIVED = ("Box", "CoG", "FootPrint", "Profile", "Lighting", "SurveyPoints")
 OPENINGS = "Openings stay where they were designed."
+PARTS = "What else the design shows of it is not in the as-built body"
 CUTS = "Cuts at the ends, holes and copes of the designed body are not in the as-built one."
 LAYERS = ("IfcPresentationLayerAssignment", "IfcPresentationLayerWithStyle")
 # One style and a layer or two may be about an item: what is used more often is used by others.
@@ -44,10 +45,12 @@ class Exchange:
                     return solid.SweptArea
         return None
 
-    def notes(self, product: Any) -> list[str]:
-        """Return what a reader should know of a product's new body."""
-        cut = any(item.is_a("IfcBooleanResult") for r in body_representations(product) for item in _mapped(r.Items))
-        return [CUTS] * cut + [OPENINGS] * bool(getattr(product, "HasOpenings", ()))
+    def notes(self, product: Any, remark: str = "") -> list[str]:
+        """Return what a reader should know of a product's new body; ``remark`` is that of the design's member."""
+        items = [item for r in body_representations(product) for item in _mapped(r.Items)]
+        parts = [f"{PARTS}: {remark}"] if remark and items else []
+        cut = any(item.is_a("IfcBooleanResult") for item in items)
+        return parts + [CUTS] * cut + [OPENINGS] * bool(getattr(product, "HasOpenings", ()))
 
     def replace(self, product: Any, body: Items, axis: Items) -> None:
         """Give a product a new body and a new axis.

@@ -32,6 +32,7 @@ def write_asbuilt_ifc(
     body: Body = "extrusions",
     keep_design: bool = False,
     when: datetime | None = None,
+    remarks: Mapping[str, str] | None = None,
     on_left: Callable[[str, str], None] | None = None,
 ) -> Path:
     """Write the design file with each fitted element's body replaced by its bent shape.
@@ -53,6 +54,7 @@ def write_asbuilt_ifc(
             (IfcTriangulatedFaceSet, in IFC2X3 IfcFacetedBrep).
         keep_design: keep each replaced body as a second representation with the identifier Reference.
         when: date of the results; now when left out.
+        remarks: GlobalId -> what of the designed body is not in the element (`Member.remark`), for the property set.
         on_left: called with the GlobalId of an element whose result contradicts itself, and what is wrong; it stays
             as designed and says so. Without it that is an error.
 
@@ -88,7 +90,7 @@ def write_asbuilt_ifc(
             shape = bent_shape(result)
             T_product_model = np.asarray(np.linalg.inv(draft.T_model_product(product)), dtype=np.float64)  # noqa: N806 (T_target_source)
             # What may fail comes before the body is replaced.
-            said_of_it = sheets.of_fitted(result, exchange.notes(product))
+            said_of_it = sheets.of_fitted(result, exchange.notes(product, (remarks or {}).get(guid, "")))
             items = body_items(draft, shape, T_product_model, body, exchange.designed_profile(product))
             exchange.replace(product, items, axis_items(draft, shape, T_product_model))
             sheets.attach([product], said_of_it)
