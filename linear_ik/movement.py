@@ -245,11 +245,7 @@ def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> M
 
 def _designs(before: Element, after: Element) -> tuple[slice, list[str]]:
     """Return the order of the second design's nodes that makes them the first's, and how the two designs differ."""
-    first, second = (
-        e.design.nodes_m[[0, -1]] @ T[:3, :3].T + T[:3, 3]
-        for e in (before, after)
-        for T in (e.placement.T_world_element,)
-    )
+    first, second = _designed_ends(before), _designed_ends(after)
     apart, crossed = (np.linalg.norm(first - ends, axis=1) for ends in (second, second[::-1]))
     said = []
     way = slice(None)
@@ -263,6 +259,11 @@ def _designs(before: Element, after: Element) -> tuple[slice, list[str]]:
     if apart.max() > longer_m + SAME_DESIGN_M:
         said.append(f"Its design was moved, by up to {1000 * apart.max():.0f} mm at its ends.")
     return way, said
+
+
+def _designed_ends(element: Element) -> Array:
+    T = element.placement.T_world_element
+    return np.asarray(element.design.nodes_m[[0, -1]] @ T[:3, :3].T + T[:3, 3])
 
 
 def _seen(result: FitResult, count: int) -> npt.NDArray[np.bool_]:

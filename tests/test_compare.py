@@ -138,10 +138,8 @@ def test_segments_may_differ_between_the_epochs() -> None:
 def test_a_design_that_runs_the_other_way_in_the_second_epoch_is_no_movement() -> None:
     there = Element("b", Rectangle(0.1, 0.2), 3.0, 10, Placement((0, 0, 0), (1, 0, 0), (0, 1, 0)))
     back = replace(there, placement=Placement((3, 0, 0), (-1, 0, 0), (0, 1, 0)))
-    bends = {0: 0.002, 7: -0.003}
     angles = np.zeros((10, 3))
-    for k, angle in bends.items():
-        angles[k, 0] = angle
+    angles[[0, 7], 0] = 0.002, -0.003
     before = result_of(there, angles, sigma_m=SIGMA)
     # The same shape, node for node, told from its other end; its last segment nobody saw.
     unseen = (replace(before.segments[0], status="inferred"),)
