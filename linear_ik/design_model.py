@@ -45,7 +45,7 @@ class LeftOut:
     """A product of a linear class that is not fitted.
 
     Attributes:
-        guid: IFC's GlobalId.
+        guid: IFC's GlobalId; empty where the file has none.
         ifc_class: such as IfcBeam.
         name: IFC's Name; may be empty.
         reason: a plain sentence.
@@ -64,7 +64,7 @@ class Obstacle:
     Plates, bolts, fittings, slabs, walls, and the members that were left out.
 
     Attributes:
-        guid: IFC's GlobalId.
+        guid: IFC's GlobalId; empty where the file has none.
         ifc_class: such as IfcPlate.
         vertices_m: [V][3] in the model's coordinates.
         triangles: [T][3] rows of ``vertices_m``.

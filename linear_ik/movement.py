@@ -24,6 +24,7 @@ import numpy.typing as npt
 from scipy.stats import chi2
 
 from linear_ik.deviation_bands import BAND_95, band_along
+from linear_ik.element import Element
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
@@ -172,17 +173,18 @@ def movement(key: str, before: FitResult | None, after: FitResult | None) -> Mov
     if unseen or before is None or after is None:
         return replace(empty, reasons=tuple(unseen))
     count = max(before.element.segments, after.element.segments)
-    seen = _seen(before, count) & _seen(after, count)
+    way, about_the_design = _designs(before.element, after.element)
+    seen = _seen(before, count) & _seen(after, count)[way]
     if not seen.any():
         return replace(empty, reasons=("No part of it was measured in both epochs.",))
     (start, own_before), (end, own_after) = (_at_shares(r, count) for r in (before, after))
+    end, own_after = end[way], own_after[way]
     reasons = [
         f"The fit of the {epoch} epoch says {r.status.replace('_', ' ')}: {' '.join(r.reasons)}".strip()
         for epoch, r in (("first", before), ("second", after))
         if r.status != "converged"
     ]
-    if abs(before.element.length_m - after.element.length_m) > SAME_DESIGN_M:
-        reasons.append(f"Designed {before.element.length_m:.3f} m long, then {after.element.length_m:.3f} m.")
+    reasons += about_the_design
     covariance = own_before + own_after
     if not np.isfinite(covariance).all():
         return replace(empty, reasons=(*reasons, "A fit does not know its covariance."))
@@ -239,6 +241,29 @@ def judge(of: Movement, p_adjusted: float, level: float, relevant_m: float) -> M
     else:
         verdict = "not moved"
     return replace(of, verdict=verdict, reasons=tuple(reasons), p_adjusted=p_adjusted)
+
+
+def _designs(before: Element, after: Element) -> tuple[slice, list[str]]:
+    """Return the order of the second design's nodes that makes them the first's, and how the two designs differ."""
+    first, second = _designed_ends(before), _designed_ends(after)
+    apart, crossed = (np.linalg.norm(first - ends, axis=1) for ends in (second, second[::-1]))
+    said = []
+    way = slice(None)
+    # An element that was designed elsewhere along its own line is as far either way.
+    if apart.sum() - crossed.sum() > SAME_DESIGN_M:
+        way, apart = slice(None, None, -1), crossed
+        said.append("Its design runs the other way in the second epoch.")
+    longer_m = abs(before.length_m - after.length_m)
+    if longer_m > SAME_DESIGN_M:
+        said.append(f"Designed {before.length_m:.3f} m long, then {after.length_m:.3f} m.")
+    if apart.max() > longer_m + SAME_DESIGN_M:
+        said.append(f"Its design was moved, by up to {1000 * apart.max():.0f} mm at its ends.")
+    return way, said
+
+
+def _designed_ends(element: Element) -> Array:
+    T = element.placement.T_world_element
+    return np.asarray(element.design.nodes_m[[0, -1]] @ T[:3, :3].T + T[:3, 3])
 
 
 def _seen(result: FitResult, count: int) -> npt.NDArray[np.bool_]:

@@ -2,6 +2,7 @@
 
 import math
 
+import ifcopenshell.geom
 import numpy as np
 import pytest
 from ifc_files import UNITS, IfcFile, prism, turned
@@ -520,3 +521,34 @@ def test_a_column_with_a_corbel_keeps_its_section_and_says_so(tmp_path):
     assert sorted(vars(member.element.profile).values()) == pytest.approx([0.3, 0.4])
     assert member.element.length_m == pytest.approx(5)
     assert member.remark == "its body sticks out of its section by 200.0 mm"
+
+
+def elbow(file):
+    """A pipe of 100 mm that turns off after 3 m, for another 0.82 m."""
+    return file.new("IfcSweptDiskSolid", file.polyline([(0, 0, 0), (0, 0, 3), (0.8, 0, 3.2)]), 0.05, None, None, None)
+
+
+def test_a_pipe_with_two_legs_that_is_only_a_mesh_is_no_straight_one(tmp_path):
+    drawn, file = IfcFile(), IfcFile()
+    geometry = ifcopenshell.geom.create_shape(ifcopenshell.geom.settings(), elbow(drawn))
+    corners, faces = (np.array(flat).reshape(-1, 3).tolist() for flat in (geometry.verts, geometry.faces))
+    file.product("IfcPipeSegment", file.box_mesh(corners, faces, True), extra=(None,), representation="Tessellation")
+    model = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1)
+    assert not model.members and len(model.obstacles) == 1
+    assert "sticks out of its section by 76" in model.left_out[0].reason
+    # As it was drawn it is read along both legs.
+    file = IfcFile()
+    file.product("IfcPipeSegment", elbow(file), extra=(None,), representation="AdvancedSweptSolid")
+    assert read_one(file, tmp_path).axis_points
+
+
+def test_a_bent_pipe_that_a_map_stretches_is_no_straight_one(tmp_path):
+    file = IfcFile()
+    disk = file.new("IfcSweptDiskSolid", file.polyline([(0, 0, 0), (0, 0, 2), (1, 0, 3)]), 0.05, None, None, None)
+    operator = file.new(
+        "IfcCartesianTransformationOperator3DnonUniform", None, None, file.point(0, 0, 0), 1.0, None, 1.0, 2.0
+    )
+    mapped = file.mapped([disk], operator)
+    file.product("IfcPipeSegment", mapped, extra=(None,), representation="MappedRepresentation")
+    model = linear_ik.read_design(file.write(tmp_path / "m.ifc"), threads=1)
+    assert not model.members and model.left_out[0].reason

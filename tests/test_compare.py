@@ -135,6 +135,39 @@ def test_segments_may_differ_between_the_epochs() -> None:
 # what it does not know -------------------------------------------------------------------
 
 
+def test_a_design_that_runs_the_other_way_in_the_second_epoch_is_no_movement() -> None:
+    there = Element("b", Rectangle(0.1, 0.2), 3.0, 10, Placement((0, 0, 0), (1, 0, 0), (0, 1, 0)))
+    back = replace(there, placement=Placement((3, 0, 0), (-1, 0, 0), (0, 1, 0)))
+    angles = np.zeros((10, 3))
+    angles[[0, 7], 0] = 0.002, -0.003
+    before = result_of(there, angles, sigma_m=SIGMA)
+    # The same shape, node for node, told from its other end; its last segment nobody saw.
+    unseen = (replace(before.segments[0], status="inferred"),)
+    after = replace(
+        result_of(back, sigma_m=SIGMA), nodes_m=before.nodes_m[::-1], segments=unseen + before.segments[1:]
+    )  # fmt: skip
+    (m,) = compare({"g": before}, {"g": after}).elements
+    assert m.verdict == "not moved where seen" and m.largest_m < 1e-9
+    assert m.seen.tolist() == [True] * 10 + [False]
+    assert m.reasons == ("Its design runs the other way in the second epoch.",)
+    (m,) = compare({"g": before}, {"g": moved_by(after, np.tile([0, 0.02, 0], (11, 1)))}).elements
+    assert m.verdict == "moved" and m.across_m == pytest.approx(np.full(11, 0.02), abs=1e-4)
+
+
+def test_a_design_that_was_moved_is_named_and_the_scans_are_compared() -> None:
+    here = Element("b", Rectangle(0.1, 0.2), 3.0, 10, Placement((0, 0, 0), (1, 0, 0), (0, 1, 0)))
+    for offset, length_m, said in (
+        ((0, 0.05, 0), 3.0, ["Its design was moved, by up to 50 mm at its ends."]),
+        ((10, 0, 0), 3.0, ["Its design was moved, by up to 10000 mm at its ends."]),
+        ((0, 0, 0), 3.2, ["Designed 3.000 m long, then 3.200 m."]),
+        ((0, 0, 0), 3.0, []),
+    ):
+        there = replace(here, placement=Placement(offset, (1, 0, 0), (0, 1, 0)), length_m=length_m)
+        after = replace(result_of(there, sigma_m=SIGMA), nodes_m=result_of(here).nodes_m)
+        (m,) = compare({"g": result_of(here, sigma_m=SIGMA)}, {"g": after}).elements
+        assert (m.verdict, list(m.reasons)) == ("not moved", said)
+
+
 def test_what_was_not_seen_is_inconclusive(straight: FitResult) -> None:
     gone = replace(straight, status="not_scanned")
     doubtful = moved_by(

@@ -121,12 +121,11 @@ class Draft:
     def owner_history(self, product: Any) -> Any:
         """Return the owner history of what is added to a product: its own user, this application, now.
 
-        None where the product has none, as IFC4 allows.
+        None where the product has none, as IFC4 allows, or one that names no user.
         """
-        own = product.OwnerHistory
-        if own is None:
+        user = getattr(product.OwnerHistory, "OwningUser", None)
+        if user is None:
             return None
-        user = own.OwningUser
         if user.id() not in self._owners:
             self._owners[user.id()] = self.make(
                 "IfcOwnerHistory",

@@ -12,15 +12,12 @@ from typing import Any
 
 from linear_ik.asbuilt.bodies import Items
 from linear_ik.asbuilt.draft import Draft
+from linear_ik.bim.solids import body_representations
 
-BODY = ("Body", "Facetation", "Mesh", "Body-Fallback", "Body-FallBack")
 # They were computed from the designed body, and would contradict the new one.
 DERIVED = ("Box", "CoG", "FootPrint", "Profile", "Lighting", "SurveyPoints")
-SOLID_KINDS = (
-    "SweptSolid AdvancedSweptSolid Brep AdvancedBrep CSG Clipping SolidModel MappedRepresentation Tessellation "
-    "SurfaceModel SectionedSpine"
-).split()
 OPENINGS = "Openings stay where they were designed."
+PARTS = "What else the design shows of it is not in the as-built body"
 CUTS = "Cuts at the ends, holes and copes of the designed body are not in the as-built one."
 LAYERS = ("IfcPresentationLayerAssignment", "IfcPresentationLayerWithStyle")
 # One style and a layer or two may be about an item: what is used more often is used by others.
@@ -41,17 +38,19 @@ class Exchange:
 
     def designed_profile(self, product: Any) -> Any:
         """Return the IfcProfileDef of the designed body, or None."""
-        for representation in self._bodies(product):
+        for representation in body_representations(product):
             for item in representation.Items:
                 solid = _first_operand(item)
                 if solid.is_a("IfcSweptAreaSolid"):
                     return solid.SweptArea
         return None
 
-    def notes(self, product: Any) -> list[str]:
-        """Return what a reader should know of a product's new body."""
-        cut = any(item.is_a("IfcBooleanResult") for r in self._bodies(product) for item in _mapped(r.Items))
-        return [CUTS] * cut + [OPENINGS] * bool(getattr(product, "HasOpenings", ()))
+    def notes(self, product: Any, remark: str = "") -> list[str]:
+        """Return what a reader should know of a product's new body; ``remark`` is that of the design's member."""
+        items = [item for r in body_representations(product) for item in _mapped(r.Items)]
+        parts = [f"{PARTS}: {remark}"] if remark and items else []
+        cut = any(item.is_a("IfcBooleanResult") for item in items)
+        return parts + [CUTS] * cut + [OPENINGS] * bool(getattr(product, "HasOpenings", ()))
 
     def replace(self, product: Any, body: Items, axis: Items) -> None:
         """Give a product a new body and a new axis.
@@ -62,7 +61,7 @@ class Exchange:
             axis: the same.
         """
         draft = self._draft
-        bodies = self._bodies(product)
+        bodies = body_representations(product)
         context = bodies[0].ContextOfItems if bodies else self._model_context()
         shape = self._own_shape(product)
         kept, axis_context = [], None
@@ -70,9 +69,9 @@ class Exchange:
             identifier = representation.RepresentationIdentifier
             if identifier == "Axis":
                 axis_context = representation.ContextOfItems
-            if any(representation == old for old in bodies) and self._keep_design:
+            if representation in bodies and self._keep_design:
                 kept.append(self._as_reference(representation, context))
-            elif any(representation == old for old in bodies) or identifier in ("Axis", *DERIVED):
+            elif representation in bodies or identifier in ("Axis", *DERIVED) or not representation.Items:
                 self._left_over.append(representation)
             else:
                 kept.append(representation)
@@ -102,13 +101,6 @@ class Exchange:
         for layer in self._draft.model.by_type("IfcPresentationLayerAssignment"):
             if not layer.AssignedItems:
                 self._draft.model.remove(layer)
-
-    def _bodies(self, product: Any) -> list[Any]:
-        if product.Representation is None:
-            return []
-        every = [r for r in product.Representation.Representations if r.is_a("IfcShapeRepresentation")]
-        named = [r for r in every if r.RepresentationIdentifier in BODY]
-        return named or [r for r in every if not r.RepresentationIdentifier and r.RepresentationType in SOLID_KINDS]
 
     def _model_context(self) -> Any:
         import ifcopenshell.util.representation as util

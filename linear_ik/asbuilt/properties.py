@@ -46,8 +46,8 @@ class PropertySets:
         self._values: dict[tuple[str, str | int | float], Any] = {}
         self._remove_earlier()
 
-    def of_fitted(self, product: Any, result: FitResult, notes: Iterable[str]) -> None:
-        """Say what was measured of a product whose body is as built."""
+    def of_fitted(self, result: FitResult, notes: Iterable[str]) -> list[Any]:
+        """Return what was measured of a product whose body will be as built, for `attach`."""
         try:
             figures: Deviations | None = deviations(result)
         except LinearIkError as error:
@@ -60,8 +60,7 @@ class PropertySets:
                 values.append(self._quantity(name, metres, "_m"))
         counts = Counter(str(segment.status) for segment in result.segments)
         values.append(self._single("Points", "IfcInteger", sum(segment.points for segment in result.segments)))
-        values += [self._single(name, "IfcInteger", counts[status]) for name, status in SEGMENTS.items()]
-        self._attach([product], values)
+        return values + [self._single(name, "IfcInteger", counts[status]) for name, status in SEGMENTS.items()]
 
     def _figures(self, figures: Deviations) -> list[Any]:
         values = []
@@ -82,12 +81,12 @@ class PropertySets:
 
     def of_not_found(self, product: Any, result: FitResult, notes: Iterable[str] = ()) -> None:
         """Say that a product was looked for and is not in the scan, or has no shape to show."""
-        self._attach([product], self._common(result.status, AS_DESIGNED, result.reasons, notes))
+        self.attach([product], self._common(result.status, AS_DESIGNED, result.reasons, notes))
 
-    def of_not_fitted(self, products: list[Any]) -> None:
-        """Say that products were not looked for."""
+    def of_not_fitted(self, products: list[Any], why: str = "") -> None:
+        """Say that products were not looked for, and why."""
         if products:
-            self._attach(products, self._common(NOT_FITTED, AS_DESIGNED, (), ()))
+            self.attach(products, self._common(NOT_FITTED, AS_DESIGNED, [why] if why else (), ()), why)
 
     def _common(self, status: str, shape: str, reasons: Iterable[str], notes: Iterable[str]) -> list[Any]:
         if self._draft.schema == "IFC2X3":
@@ -136,25 +135,26 @@ class PropertySets:
                 if not model.get_total_inverses(value):
                     model.remove(value)
 
-    def _attach(self, products: list[Any], values: list[Any]) -> None:
+    def attach(self, products: list[Any], values: list[Any], about: str = "") -> None:
+        """Add the property set of some values to products; ``about`` tells it from another one of the first product."""
         make, owner = self._draft.make, self._draft.owner_history(products[0])
         sheet = make(
             "IfcPropertySet",
-            GlobalId=guid_of(products[0], "properties"),
+            GlobalId=sheet_guid(products[0], about + "properties"),
             OwnerHistory=owner,
             Name=NAME,
             HasProperties=values,
         )
         make(
             "IfcRelDefinesByProperties",
-            GlobalId=guid_of(products[0], "relation"),
+            GlobalId=sheet_guid(products[0], about + "relation"),
             OwnerHistory=owner,
             RelatedObjects=products,
             RelatingPropertyDefinition=sheet,
         )
 
 
-def guid_of(product: Any, what: str) -> str:
+def sheet_guid(product: Any, what: str) -> str:
     """Return the GlobalId of what is said of a product: the same whenever it is said."""
     import ifcopenshell.guid
 

@@ -4,11 +4,14 @@ ifcopenshell 0.9 applies the operator of an IfcDerivedProfileDef twice when it s
 profile: what is mirrored twice is not mirrored at all. In the model in memory such a
 profile's place is taken by its outline, point by point. It makes nothing of a disk swept
 along a polyline with rounded corners, so the corners become points; and it takes angles
-for degrees where the file names no unit for them, which means radians.
+for degrees where the file names no unit for them, which means radians. For a product without
+a GlobalId it waits for ever, with an empty one it does not. It draws all representations of
+a product, sketches and reserved spaces too, and does not tell which is the body.
 """
 
 from __future__ import annotations
 
+from collections.abc import Iterable
 from typing import Any
 
 import numpy as np
@@ -17,6 +20,7 @@ import numpy.typing as npt
 from linear_ik.bim.broken import BROKEN
 from linear_ik.bim.curves import directrix
 from linear_ik.bim.profiles import ProfileReader
+from linear_ik.bim.solids import body_representations
 from linear_ik.errors import DesignError
 
 Array = npt.NDArray[np.float64]
@@ -28,6 +32,28 @@ def mend(model: Any, profiles: ProfileReader, unit_m: float) -> None:
     _draw_rounded_corners(model, unit_m)
     _leave_out_impossible_tubes(model)
     _say_radians(model)
+    _name_emptily(model)
+
+
+def leave_one_body(products: Iterable[Any]) -> dict[int, str]:
+    """Leave each product the body that is read alone; return by id what is to be said of those that had several."""
+    chosen: list[tuple[Any, Any]] = []
+    remarks: dict[int, str] = {}
+    for product in products:
+        try:
+            found = body_representations(product)
+        except BROKEN:
+            # Whoever reads the member says so.
+            continue
+        if found:
+            chosen.append((product.Representation, found[0]))
+        if len(found) > 1:
+            remarks[product.id()] = f"read from one of the {len(found)} representations of its body"
+    # What several products share is changed when all have been looked at.
+    for shape, body in chosen:
+        if len(shape.Representations) > 1:
+            shape.Representations = [body]
+    return remarks
 
 
 def _draw_rounded_corners(model: Any, unit_m: float) -> None:
@@ -51,6 +77,12 @@ def _leave_out_impossible_tubes(model: Any) -> None:
         bore = disk.InnerRadius
         if bore is not None and disk.Radius is not None and not 0 < bore < disk.Radius:
             disk.InnerRadius = None
+
+
+def _name_emptily(model: Any) -> None:
+    for product in model.by_type("IfcProduct"):
+        if product.GlobalId is None:
+            product.GlobalId = ""
 
 
 def _say_radians(model: Any) -> None:

@@ -14,7 +14,7 @@ from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.chain_of_solids import joined
 from linear_ik.bim.mesh_sweep import box_sides, shape, sweeps_of_mesh
 from linear_ik.bim.profiles import ProfileReader
-from linear_ik.bim.solids import Solid, body_representation, solids_of
+from linear_ik.bim.solids import Solid, body_representations, solids_of
 from linear_ik.bim.sweep import Sweep, into, out_of
 from linear_ik.bim.sweeps import SweepReader
 from linear_ik.bim.tessellation import Body, item_body
@@ -22,6 +22,9 @@ from linear_ik.errors import DesignError, ElementError
 from linear_ik.profile import Polygon, Rectangle
 
 Array = npt.NDArray[np.float64]
+
+# Of the section's larger side: how far a corbel, an end plate or the bend at a downpipe's foot reaches.
+MOST_FIXED = 1.5
 
 
 @dataclass(frozen=True, eq=False)
@@ -72,12 +75,12 @@ class MemberReader:
             return Reading(None, f"it cannot be read: {said(error)}")
 
     def _read(self, product: Any, body: Body | None) -> Reading:
-        representation = body_representation(product)
-        if representation is None:
+        found = body_representations(product)
+        if not found:
             return self._without_body(product)
         if body is None:
             return Reading(None, "its body cannot be computed")
-        solids = solids_of(representation, self.unit_m)
+        solids = solids_of(found[0], self.unit_m)
         if len(solids) == 1:
             return self._single(solids[0], body)
         return self._several(solids, body)
@@ -166,8 +169,10 @@ class MemberReader:
             if self._agrees(compared):
                 return Reading(sweep, solid=item)
             reason = _difference(compared)
-            # A corbel or an end plate belongs to the body, not to the section that most of it has.
-            if second is None and sweep.axis_m is None and sweep.profile_end is None:
+            # A corbel or an end plate belongs to the body, not to the section that most of it has. A second leg
+            # of a pipe is more than that.
+            fixed = compared.outside_m <= MOST_FIXED * _side_m(sweep)
+            if second is None and fixed and sweep.axis_m is None and sweep.profile_end is None:
                 second = Reading(sweep, remark=reason, solid=item)
         return second or Reading(None, reason, solid=item)
 
@@ -187,7 +192,11 @@ class MemberReader:
 
     def _slender(self, sweep: Sweep) -> bool:
         # A hair's breadth is rounding.
-        return sweep.length_m + 1e-6 >= self.slenderness * float(np.ptp(sweep.profile.outline(), axis=0).max())
+        return sweep.length_m + 1e-6 >= self.slenderness * _side_m(sweep)
+
+
+def _side_m(sweep: Sweep) -> float:
+    return float(np.ptp(sweep.profile.outline(), axis=0).max())
 
 
 def _area(sweep: Sweep) -> float:

@@ -71,6 +71,25 @@ def text(value: object) -> str:
     return " ".join(str(value).split()) if value is not None else ""
 
 
+def guid_of(product: Any) -> str:
+    """Return a product's GlobalId, without the blanks that some writers put in; empty where it has none."""
+    return text(product.GlobalId)
+
+
+def not_named(model: Any) -> dict[int, str]:
+    """Return the linear products that no GlobalId names, by id, with the reason; it names the first that has it."""
+    out: dict[int, str] = {}
+    seen: set[str] = set()
+    for product, _ in linear_products(model, LINEAR_CLASSES):
+        guid = guid_of(product)
+        if not guid:
+            out[product.id()] = "it has no GlobalId"
+        elif guid in seen:
+            out[product.id()] = "its GlobalId is that of another element"
+        seen.add(guid)
+    return out
+
+
 def profile_name(product: Any, solid: Any) -> str:
     """Return the name of a product's section: its profile's, else its material profile's, else its type's."""
     import ifcopenshell.util.element as elements

@@ -15,9 +15,9 @@ from linear_ik.bim.body_check import enough_segments
 from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.file import ModelFile, open_model
 from linear_ik.bim.georeference import angle_unit_rad, length_unit_m, map_conversion, true_north
-from linear_ik.bim.kernel_repairs import mend
+from linear_ik.bim.kernel_repairs import leave_one_body, mend
 from linear_ik.bim.member_reader import MemberReader
-from linear_ik.bim.products import linear_products, other_products, profile_name, text
+from linear_ik.bim.products import guid_of, linear_products, not_named, other_products, profile_name, text
 from linear_ik.bim.profiles import ProfileReader
 from linear_ik.bim.settings import DesignSettings
 from linear_ik.bim.sweep import Sweep
@@ -79,9 +79,10 @@ def _read(file: ModelFile, how: DesignSettings, on_progress: OnProgress | None) 
     angle_rad = angle_unit_rad(model)
     profiles = ProfileReader(unit_m, angle_rad, how.tolerance_m)
     mend(model, profiles, unit_m)
+    remarks = leave_one_body([*(product for product, _ in linear), *others])
     reader = MemberReader(profiles, SweepReader(profiles, unit_m, angle_rad), how.slenderness, how.tolerance_m, unit_m)
     found = bodies(model, [p for p, _ in linear if p.Representation] + others, how.kernel_threads, on_progress)
-    members, left_out, unfit = _read_members(reader, linear, found, how)
+    members, left_out, unfit = _read_members(reader, linear, not_named(model), remarks, found, how)
     if how.obstacles:
         unfit += [(product, product.is_a()) for product in others]
     conversion, notes = map_conversion(model, unit_m)
@@ -112,28 +113,30 @@ def _settings(settings: DesignSettings | None, changes: dict[str, Any]) -> Desig
 
 
 def _read_members(
-    reader: MemberReader, linear: list[tuple[Any, str]], found: dict[int, Body], how: DesignSettings
+    reader: MemberReader,
+    linear: list[tuple[Any, str]],
+    nameless: dict[int, str],
+    remarks: dict[int, str],
+    found: dict[int, Body],
+    how: DesignSettings,
 ) -> tuple[list[Member], list[LeftOut], list[tuple[Any, str]]]:
     """Return the members, what is left out, and the products of the latter."""
     members: list[Member] = []
     left_out: list[LeftOut] = []
     unfit: list[tuple[Any, str]] = []
-    seen: set[str] = set()
     for product, name in linear:
-        guid = text(product.GlobalId)
+        guid = guid_of(product)
         body = found.get(product.id())
         reading = reader.read(product, body)
-        reason = reading.reason
-        if guid in seen:
-            reason = "its GlobalId is that of another element"
-        elif reading.sweep is not None:
+        reason = nameless.get(product.id()) or reading.reason
+        if reading.sweep is not None and product.id() not in nameless:
             try:
                 T = body.T_world_product if body is not None else placement_of(product, reader.unit_m)
                 element = _element(product, reading.sweep, T, how)
                 tag = text(getattr(product, "Tag", None)) or text(product.Name)
                 section = profile_name(product, reading.solid)
-                members.append(Member(guid, name, text(product.Name), tag, section, element, reading.remark))
-                seen.add(guid)
+                remark = "; ".join(filter(None, (reading.remark, remarks.get(product.id()))))
+                members.append(Member(guid, name, text(product.Name), tag, section, element, remark))
                 continue
             except ElementError as error:
                 reason = f"it makes no element: {error}"
@@ -150,7 +153,7 @@ def _element(product: Any, sweep: Sweep, T_world_product: Array, how: DesignSett
     if sweep.axis_m is not None:
         points = tuple((float(x), float(y), float(z)) for x, y, z in sweep.axis_m)
         segments = _on_curve(sweep.axis_m, segments, how)
-    label = "".join(c for c in text(product.Name) if c.isprintable()) or text(product.GlobalId)
+    label = "".join(c for c in text(product.Name) if c.isprintable()) or guid_of(product)
     return Element(
         label[:LONGEST_NAME],
         sweep.profile,
@@ -188,4 +191,4 @@ def _below_m(axis: Array, segments: int) -> float:
 
 
 def _obstacle(product: Any, name: str, body: Body) -> Obstacle:
-    return Obstacle(text(product.GlobalId), name, body.world_m(), body.triangles)
+    return Obstacle(guid_of(product), name, body.world_m(), body.triangles)

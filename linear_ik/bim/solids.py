@@ -17,11 +17,14 @@ SOLID_TYPES = {
     "CSG",
     "Clipping",
     "MappedRepresentation",
+    "SectionedSpine",
     "SolidModel",
     "SurfaceModel",
     "SweptSolid",
     "Tessellation",
 }
+# Some writers leave the identifier out, or call a mesh by its own name.
+OTHER_NAMES = (None, "", "Facetation", "Mesh", "Body-Fallback", "Body-FallBack")
 DEEPEST = 200  # of booleans and maps inside each other
 
 
@@ -40,21 +43,25 @@ class Solid:
     T_product_item: Array
 
 
-def body_representation(product: Any) -> Any:
-    """Return the representation with a product's body, or None."""
+def body_representations(product: Any) -> list[Any]:
+    """Return the representations of a product's body, the one that is read first.
+
+    That is one called Body before one of another name, of a model view before one of another
+    view, such as a sketch.
+    """
     shape = product.Representation
     if shape is None:
-        return None
-    found = [r for r in shape.Representations if r.RepresentationIdentifier == "Body" and r.Items]
-    # Some writers leave the identifier out, or call a mesh by its own name.
-    found += [
-        r
-        for r in shape.Representations
-        if r.RepresentationIdentifier in (None, "", "Facetation", "Body-Fallback")
-        and r.RepresentationType in SOLID_TYPES
-        and r.Items
-    ]
-    return found[0] if found else None
+        return []
+    every = [r for r in shape.Representations if r.is_a("IfcShapeRepresentation") and r.Items]
+    bodies = [r for r in every if r.RepresentationIdentifier == "Body"]
+    others = [r for r in every if r.RepresentationIdentifier in OTHER_NAMES and r.RepresentationType in SOLID_TYPES]
+    return sorted(bodies, key=_is_of_another_view) + sorted(others, key=_is_of_another_view)
+
+
+def _is_of_another_view(representation: Any) -> bool:
+    context = representation.ContextOfItems
+    parent = getattr(context, "ParentContext", None) or context
+    return getattr(context, "TargetView", "MODEL_VIEW") != "MODEL_VIEW" or parent.ContextType != "Model"
 
 
 def solids_of(representation: Any, unit_m: float) -> list[Solid]:

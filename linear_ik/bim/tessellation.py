@@ -13,7 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.bim.broken import BROKEN
-from linear_ik.bim.solids import body_representation
+from linear_ik.bim.solids import body_representations
 from linear_ik.quiet import silence
 
 Array = npt.NDArray[np.float64]
@@ -90,12 +90,12 @@ def bodies(
 def _is_cut_by_solids(product: Any) -> bool:
     """Say whether a body is made by booleans of solids alone; with half spaces the second kernel takes nothing off."""
     try:
-        representation = body_representation(product)
+        found = body_representations(product)
     except BROKEN:
         return False
-    if representation is None or getattr(product, "HasOpenings", None):
+    if not found or getattr(product, "HasOpenings", None):
         return False
-    items = list(representation.Items)
+    items = list(found[0].Items)
     booleans = False
     while items:
         item = items.pop()

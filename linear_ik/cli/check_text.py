@@ -182,7 +182,7 @@ def _label(member: Member) -> str:
 
 
 def _name(one: LeftOut) -> str:
-    return one.name or one.guid
+    return one.name or one.guid or "one without a name"
 
 
 def _member(member: Member, coverage: Coverage | None) -> dict[str, Any]:

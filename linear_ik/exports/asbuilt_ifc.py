@@ -6,7 +6,7 @@ import os
 from collections.abc import Callable, Mapping
 from datetime import datetime, timezone
 from pathlib import Path
-from typing import get_args
+from typing import Any, get_args
 
 import numpy as np
 
@@ -19,7 +19,7 @@ from linear_ik.asbuilt.shape import AsBuiltError, bent_shape
 from linear_ik.atomic import check_writable
 from linear_ik.bim.broken import BROKEN, said
 from linear_ik.bim.file import open_model
-from linear_ik.bim.products import LINEAR_CLASSES, linear_products
+from linear_ik.bim.products import LINEAR_CLASSES, guid_of, linear_products, not_named, text
 from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.result import FitResult
 
@@ -32,6 +32,7 @@ def write_asbuilt_ifc(
     body: Body = "extrusions",
     keep_design: bool = False,
     when: datetime | None = None,
+    remarks: Mapping[str, str] | None = None,
     on_left: Callable[[str, str], None] | None = None,
 ) -> Path:
     """Write the design file with each fitted element's body replaced by its bent shape.
@@ -53,6 +54,7 @@ def write_asbuilt_ifc(
             (IfcTriangulatedFaceSet, in IFC2X3 IfcFacetedBrep).
         keep_design: keep each replaced body as a second representation with the identifier Reference.
         when: date of the results; now when left out.
+        remarks: GlobalId -> what of the designed body is not in the element (`Member.remark`), for the property set.
         on_left: called with the GlobalId of an element whose result contradicts itself, and what is wrong; it stays
             as designed and says so. Without it that is an error.
 
@@ -70,7 +72,11 @@ def write_asbuilt_ifc(
     target = check_writable(out_path)
     date = datetime.now(timezone.utc) if when is None else when
     draft = Draft(open_model(design_path).model, Path(design_path))
-    products = {product.GlobalId: product for product in draft.model.by_type("IfcProduct")}
+    linear, nameless = [p for p, _ in linear_products(draft.model, LINEAR_CLASSES)], not_named(draft.model)
+    products: dict[str, Any] = {}
+    for product in (*(p for p in linear if p.id() not in nameless), *draft.model.by_type("IfcProduct")):
+        products.setdefault(guid_of(product), product)
+    results = {text(guid): result for guid, result in results.items()}
     unknown = next((guid for guid in results if guid not in products), None)
     if unknown is not None:
         raise AsBuiltError(unknown, f"no product of {design_path}", "the GlobalId of an element of the design")
@@ -83,10 +89,11 @@ def write_asbuilt_ifc(
         try:
             shape = bent_shape(result)
             T_product_model = np.asarray(np.linalg.inv(draft.T_model_product(product)), dtype=np.float64)  # noqa: N806 (T_target_source)
-            notes = exchange.notes(product)
+            # What may fail comes before the body is replaced.
+            said_of_it = sheets.of_fitted(result, exchange.notes(product, (remarks or {}).get(guid, "")))
             items = body_items(draft, shape, T_product_model, body, exchange.designed_profile(product))
             exchange.replace(product, items, axis_items(draft, shape, T_product_model))
-            sheets.of_fitted(product, result, notes)
+            sheets.attach([product], said_of_it)
         except (LinearIkError, *BROKEN) as error:
             known = isinstance(error, LinearIkError)
             what = f"{error.subject}: {error.what}" if isinstance(error, LinearIkError) else said(error)
@@ -96,6 +103,7 @@ def write_asbuilt_ifc(
             sheets.of_not_found(product, result, [f"The fitted shape cannot be drawn: {error if known else what}"])
             on_left(guid, what)
     exchange.finish()
-    linear = [product for product, _ in linear_products(draft.model, LINEAR_CLASSES)]
-    sheets.of_not_fitted([product for product in linear if product.GlobalId not in results])
+    for reason in ("", *sorted(set(nameless.values()))):
+        some = [p for p in linear if nameless.get(p.id(), "") == reason]
+        sheets.of_not_fitted([p for p in some if reason or guid_of(p) not in results], reason)
     return write_model(draft.model, target, date)

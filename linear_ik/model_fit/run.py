@@ -212,7 +212,8 @@ def _write(
         def on_left(guid: str, what: str) -> None:
             notes.append(f"{guid} is as designed in {ASBUILT}: {what}")
 
-        write_asbuilt_ifc(design, fits.results, folder / ASBUILT, on_left=on_left)
+        remarks = {member.guid: member.remark for member in model.members}
+        write_asbuilt_ifc(design, fits.results, folder / ASBUILT, remarks=remarks, on_left=on_left)
         files.append(ASBUILT)
     counts = dict(Counter(row.status for row in rows))
     report: dict[str, object] = {

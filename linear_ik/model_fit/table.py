@@ -56,6 +56,7 @@ COLUMNS = (
     "surface_rmse_mm",
     "range_noise_mm",
     "file",
+    "remark",
 )
 
 
@@ -65,7 +66,8 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
     Offsets are across the designed axis, of the nodes; the shift along it stands apart, because
     surfaces hardly show it. ``length_m`` is the designed length; the measured one is empty unless
     the element has a ``length_tolerance_m`` and the scan tells its length. Bow, sag (downwards)
-    and sweep (sideways) are offsets from the chord between the ends, see `deviation`.
+    and sweep (sideways) are offsets from the chord between the ends, see `deviation`. The remark
+    says what of the designed body is not in the element.
 
     Raises:
         OutputError: it cannot be written.
@@ -91,6 +93,7 @@ def line(row: Row) -> dict[str, object]:
         "status": row.status,
         "reasons": row.failure if result is None else "; ".join(result.reasons),
         "points": row.facts.get("received", ""),
+        "remark": member.remark,
     }
     if result is None:
         return values
