@@ -52,10 +52,12 @@ def boxes_back(boxes_m: Array, T_model_scan: Array | None) -> Array:  # noqa: N8
     """Return upright boxes [B][2][3] in the scan's coordinates that hold those in the model's."""
     if T_model_scan is None:
         return boxes_m
-    R, t = T_model_scan[:3, :3], T_model_scan[:3, 3]
+    # That of a map carries the map's scale: its transpose is no inverse.
+    T_scan_model = np.linalg.inv(T_model_scan)
+    R, t = T_scan_model[:3, :3], T_scan_model[:3, 3]
     middle, half = boxes_m.mean(axis=1), (boxes_m[:, 1] - boxes_m[:, 0]) / 2
-    # Rows: R' v is v R, and a box turned is as large as its edges' shadows together.
-    centre, extent = (middle - t) @ R, half @ np.abs(R)
+    # A box turned is as large as its edges' shadows together.
+    centre, extent = middle @ R.T + t, half @ np.abs(R.T)
     return np.stack([centre - extent, centre + extent], axis=1)
 
 
