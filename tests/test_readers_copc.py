@@ -67,6 +67,14 @@ def test_what_is_in_the_boxes_is_read_and_little_else(octree, chunk_points):
     assert len(np.unique(found, axis=0)) == len(found)
 
 
+def test_what_is_withheld_is_left_out(tmp_path):
+    points = np.round(np.random.default_rng(3).uniform(0, 9, (500, 3)), 4)
+    write_copc(tmp_path / "a.copc.laz", points, 1e-4, withheld=40)
+    pieces = list(iter_scan(tmp_path / "a.copc.laz", within=np.array([[[0.0] * 3, [9.0] * 3]])))
+    np.testing.assert_allclose(ordered(np.concatenate([p.points for p in pieces])), ordered(points[40:]), atol=1e-6)
+    assert sum(piece.left_out for piece in pieces) == 40
+
+
 def test_chunks_that_follow_each_other_are_read_together_up_to_the_most():
     runs = [copc.Run(offset, [(40, 10)]) for offset in (0, 10, 20, 40, 50)]
     joined = copc.joined(runs, 100)
