@@ -44,7 +44,7 @@ class ScanCheck:
         stations: scanner positions, None where the scan names none.
         finding: whether the two are in the same coordinates.
         near: [N] points near each segment of the model, all members' segments counted through.
-        left_out: points without finite coordinates.
+        left_out: points that are none, see `no_points`.
     """
 
     name: str

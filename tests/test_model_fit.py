@@ -293,7 +293,7 @@ def test_points_without_coordinates_are_counted(built, tmp_path):
             model, [tmp_path / "scan.xyz"], tmp_path / "out", options=ModelFitOptions(**HERE, T_model_scan=T)
         )
         report = json.loads((tmp_path / "out" / "run.json").read_text())
-        assert "left out of the scan: 3 points without finite coordinates" in found.notes
+        assert "left out of the scan: 3 points without usable coordinates, withheld or noise" in found.notes
         assert report["scan_points"]["left_out"] == 3
         assert report["scan_points"]["points"] == len(points)
 

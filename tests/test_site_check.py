@@ -86,7 +86,7 @@ def test_it_says_so_in_words(site, tmp_path, capsys):
     out = capsys.readouterr().out
     for said in (
         f"scan       scan.xyz: {len(site[3]):,} points, stations unknown",
-        "left out   1 point without finite coordinates",
+        "left out   1 point without usable coordinates, withheld or noise",
         "place      in the model's coordinates",
         "overlap    3 of 4 elements are covered",
         "not seen   C2 HEB200: ",

@@ -26,7 +26,7 @@ class Extent:
         handed_out: how many of them are in a neighbourhood.
         low_m, high_m: [3] of all of them.
         stations: [S][3] rows, as they came.
-        left_out: points without finite coordinates.
+        left_out: points that are none, see `no_points`.
     """
 
     points: int = 0
