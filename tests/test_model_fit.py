@@ -427,17 +427,20 @@ def test_a_transform_of_few_digits_becomes_a_rotation():
     assert np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() < 1e-14
 
 
-def test_bad_scans_leave_nothing(built, tmp_path):
-    folder = tmp_path / "asbuilt"
-    with pytest.raises(ScanError, match="no such file"):
-        fit_model(built.design, [tmp_path / "no.ply"], folder, options=ModelFitOptions(**HERE))
+@pytest.mark.parametrize("there", [".", "deep", "deep/asbuilt", "deep/asbuilt/elements"])
+def test_bad_scans_leave_nothing(built, tmp_path, there):
+    folder = tmp_path / "deep" / "asbuilt"
+    (tmp_path / there).mkdir(parents=True, exist_ok=True)
     cut = tmp_path / "cut.ply"
     cut.write_bytes(built.scan.read_bytes()[:-1000])
+    before = set(tmp_path.rglob("*"))
+    with pytest.raises(ScanError, match="no such file"):
+        fit_model(built.design, [tmp_path / "no.ply"], folder, options=ModelFitOptions(**HERE))
     with pytest.raises(ScanError, match="cut.ply"):
         fit_model(built.design, [built.scan, cut], folder, options=ModelFitOptions(**HERE))
     with pytest.raises(LinearIkError, match="at least one"):
         fit_model(built.design, [], folder, options=ModelFitOptions(**HERE))
-    assert not folder.exists()
+    assert set(tmp_path.rglob("*")) == before
 
 
 def test_ctrl_c_keeps_points_that_were_all_handed_out_and_no_others(built, tmp_path, monkeypatch):

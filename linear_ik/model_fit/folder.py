@@ -14,6 +14,7 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
@@ -69,7 +70,7 @@ class RunFolder:
         """
         self.path, self._stems = path, file_stems(guids)
         self.scratch = path / STATE / "points"
-        self._made = False
+        self._made: list[Path] = []
         self._lock: TextIO | None = None
 
     def make(self) -> None:
@@ -78,12 +79,22 @@ class RunFolder:
         Raises:
             OutputError: they cannot be made, or another run is at work there.
         """
-        made = not self.path.exists()
+        state = self.path / STATE
+        folders = (
+            *reversed(self.path.parents),
+            self.path,
+            self.path / "elements",
+            state,
+            state / "first",
+            state / "other",
+        )
+        self._made = [folder for folder in folders if not folder.exists()]
         try:
-            for folder in (self.path / "elements", self.path / STATE / "first", self.path / STATE / "other"):
-                folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (self.path / STATE / "lock").open("a")
+            for folder in self._made:
+                folder.mkdir(exist_ok=True)
+            self._lock = (state / "lock").open("a")
         except OSError as error:
+            self.take_back()
             raise OutputError(self.path, f"cannot be written: {error.strerror}", "a folder that can be made") from None
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
@@ -93,7 +104,6 @@ class RunFolder:
             pass  # a network file system without locks
         else:
             self._sweep()
-        self._made = made
 
     def _sweep(self) -> None:
         """Remove what a run that was killed was writing; nobody else is, under the lock."""
@@ -250,8 +260,13 @@ class RunFolder:
     def take_back(self) -> None:
         """Leave nothing of a run that could not start."""
         self.clear_scratch()
-        if self._made:
-            shutil.rmtree(self.path, ignore_errors=True)
+        for folder in reversed(self._made):
+            if folder in self.path.parents:
+                # Somebody else may have put something there by now.
+                with suppress(OSError):
+                    folder.rmdir()
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
 
     def _first_path(self, guid: str) -> Path:
         return self.path / STATE / "first" / f"{self._stems[guid]}.json"
