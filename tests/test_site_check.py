@@ -1,6 +1,7 @@
 """`linear-ik check`: what it says of a design and of scans of it, where the truth is known."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -173,6 +174,22 @@ def test_pieces_and_stations_are_added_up(site):
     whole, apart = check.scan("w", lambda: [Scan(points)]), check.scan("p", lambda: pieces)
     assert (apart.points, apart.stations, whole.stations) == (len(points), 2, None)
     np.testing.assert_array_equal(whole.near, apart.near)
+
+
+def test_memory_does_not_grow_with_the_scan(site):
+    check = SiteCheck(site[2])
+
+    def peak(pieces):
+        rng = np.random.default_rng(0)
+        tracemalloc.start()
+        try:
+            check.scan("s", lambda: (Scan(rng.uniform(-5, 12, (1_000, 3))) for _ in range(pieces)))
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    some = peak(200)
+    assert peak(600) < some + 2e6
 
 
 def test_far_from_the_origin_nothing_changes(site):

@@ -23,12 +23,13 @@ from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
-from linear_ik.model_fit.placing import Sample, scan_to_model, why_nothing
+from linear_ik.model_fit.placing import check_place, scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
 from linear_ik.scan import Scan, no_points
+from linear_ik.scan_sample import ScanSample
 from linear_ik.settings import FitSettings
 from linear_ik.site.handout import boxes_back, moved
 
@@ -176,11 +177,11 @@ def _hand_out(
 
     A ``doubted`` scan, by its file, is refused where it is beyond doubt in other coordinates than the model.
     """
-    sample = Sample()
+    sample = ScanSample()
     try:
         points = fits.prepare(lambda near: sample.of(pieces(near)), listener)
         if doubted is not None:
-            sample.check(model, fits.extent, doubted)
+            check_place(model, sample.points, fits.extent, doubted)
         return points
     except LinearIkError:
         folder.take_back()
