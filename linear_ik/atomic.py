@@ -70,6 +70,19 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
         temporary.unlink(missing_ok=True)
 
 
+@contextmanager
+def output_errors(path: str | os.PathLike[str]) -> Iterator[None]:
+    """Say what the operating system refuses in the block as an error of ``path``.
+
+    Raises:
+        OutputError: it refused something.
+    """
+    try:
+        yield
+    except OSError as error:
+        raise _output_error(Path(path), error) from None
+
+
 def check_writable(path: str | os.PathLike[str]) -> Path:
     """Make the folder of ``path`` and return ``path``; call before long work.
 

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -513,6 +514,28 @@ def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):
     with pytest.raises(ScanError):
         fit_model(built.design, [cut], folder, options=ModelFitOptions(**HERE))
     assert contents(folder) == contents(done[1])
+
+
+@pytest.mark.parametrize("stage", ["handing out points", "colouring the scan"])
+def test_a_scan_that_changes_while_it_is_read_is_refused(built, done, tmp_path, stage):
+    folder = tmp_path / "asbuilt"
+    if stage == "colouring the scan":
+        shutil.copytree(done[1], folder, copy_function=shutil.copy2)
+        (folder / "deviation.ply").unlink()
+    at = built.scan.stat()
+
+    def on_progress(now, *_):
+        if now == stage:
+            os.utime(built.scan, ns=(at.st_atime_ns, at.st_mtime_ns + 1_000_000))
+
+    try:
+        with pytest.raises(ScanError, match="it changed while it was read") as caught:
+            fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE), on_progress=on_progress)
+    finally:
+        os.utime(built.scan, ns=(at.st_atime_ns, at.st_mtime_ns))
+    assert caught.value.subject == str(built.scan)
+    assert folder.exists() == (stage == "colouring the scan")
+    assert not (folder / "deviation.ply").exists()
 
 
 @pytest.mark.parametrize("name", ["asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json"])
