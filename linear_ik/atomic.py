@@ -1,4 +1,4 @@
-"""Files that appear whole or not at all."""
+"""Files that appear whole or not at all, a power cut included: data are on the disk before the name is."""
 
 from __future__ import annotations
 
@@ -63,6 +63,7 @@ def written_whole(path: str | os.PathLike[str]) -> Iterator[Path]:
             with temporary.open("rb") as source, target.open("wb") as sink:
                 shutil.copyfileobj(source, sink)
         else:
+            flush_to_disk(temporary)
             os.replace(temporary, real)
     except OSError as error:
         raise _output_error(target, error) from None
@@ -106,6 +107,16 @@ def check_writable(path: str | os.PathLike[str]) -> Path:
     return target
 
 
+def flush_to_disk(path: Path) -> None:
+    """Wait until what was written to a file is where a power cut leaves it.
+
+    Raises:
+        OSError: the disk refuses it.
+    """
+    with path.open("rb+") as file:
+        os.fsync(file.fileno())
+
+
 def same_file(one: str | os.PathLike[str], other: str | os.PathLike[str]) -> bool:
     """Say whether two paths lead to one file, which need not exist."""
     try:
@@ -126,6 +137,8 @@ def _replace(target: Path, data: bytes) -> None:
         # tempfile would make it readable by its owner alone, whatever the umask says.
         with temporary.open("xb") as file:
             file.write(data)
+            file.flush()
+            os.fsync(file.fileno())
         os.replace(temporary, target)
     finally:
         temporary.unlink(missing_ok=True)

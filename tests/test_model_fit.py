@@ -470,8 +470,12 @@ def test_ctrl_c_keeps_points_that_were_all_handed_out_and_no_others(built, tmp_p
             run(lambda stage, *_: stages.add(stage))
     assert stages == {"reading the design"}, "the scan is not read again"
     noted = json.loads((points / "complete.json").read_text())
-    for note in ([], "complete", {**noted, "received": "all"}, {**noted, "stations": [1]}, {**noted, "extent": None}):
+    wrong = [[], "complete", {**noted, "received": "all"}, {**noted, "stations": [1]}, {**noted, "extent": None}]
+    for note in (*wrong, noted):
         (points / "complete.json").write_text(json.dumps(note))
+        if note is noted:
+            # As after a power cut.
+            os.truncate(points / "0.points", (points / "0.points").stat().st_size - 1000)
         with monkeypatch.context() as patch:
             patch.setattr(Fits, "first", stopped)
             stages = set()

@@ -76,9 +76,10 @@ def hand_out_once(
     """
     note = folder.scratch / "complete.json"
     memory_bytes = int(options.memory_mb * 2**20 / 2)
-    done = _earlier(note, inputs, elements)
+    spill = Spill(folder.scratch, elements, options.max_points, memory_bytes)
+    done = _earlier(note, inputs, spill)
     if done is None:
-        spill = Spill(folder.new_scratch(), elements, options.max_points, memory_bytes)
+        folder.new_scratch()
         near = pieces(neighbourhoods.bounds_m)
         extent = hand_out(
             near, neighbourhoods, spill, lambda points: listener("handing out points", points, 0, math.nan)
@@ -86,6 +87,7 @@ def hand_out_once(
         done = {
             "inputs": inputs,
             "received": spill.received.tolist(),
+            "bytes": spill.settle(),
             "stations": extent.stations,
             "extent": {
                 "points": extent.points,
@@ -97,16 +99,20 @@ def hand_out_once(
         }
         write_atomically(note, json.dumps(done) + "\n")
     else:
-        spill = Spill(folder.scratch, elements, options.max_points, memory_bytes)
         spill.received[:] = done["received"]
     return HandedOut(spill, np.array(done["stations"]) if done["stations"] else None, done["extent"])
 
 
-def _earlier(note: Path, inputs: str, elements: int) -> dict[str, Any] | None:
-    """Return what an earlier run noted of the same inputs, or None; what has another shape was noted by none."""
+def _earlier(note: Path, inputs: str, spill: Spill) -> dict[str, Any] | None:
+    """Return what an earlier run noted of the same inputs, or None.
+
+    What has another shape was noted by none, and points of which some are gone are not those.
+    """
     try:
         done = json.loads(note.read_text(encoding="utf-8"))
-        if done["inputs"] != inputs or np.array(done["received"], dtype=np.int64).shape != (elements,):
+        if done["inputs"] != inputs or np.array(done["received"], dtype=np.int64).shape != spill.received.shape:
+            return None
+        if done["bytes"] != spill.file_bytes():
             return None
         if done["stations"] and np.array(done["stations"], dtype=np.float64).shape[1:] != (3,):
             return None
