@@ -21,7 +21,7 @@ from typing import Any, TextIO
 
 from linear_ik.atomic import output_errors, write_atomically
 from linear_ik.errors import LinearIkError, OutputError
-from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, with_short_history, write_result
+from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, result_to_json, with_short_history
 from linear_ik.readers.result_json import read_result
 from linear_ik.result import FitResult
 
@@ -194,16 +194,17 @@ class RunFolder:
             elif stage == "first":
                 self._first_path(guid).unlink(missing_ok=True)
                 records = {}
-            write_result(with_short_history(result), path, {"guid": guid})
+            # What a power cut leaves of it is told by its hash.
+            write_atomically(path, result_to_json(with_short_history(result), {"guid": guid}), settle=False)
             self._other_path(guid).unlink(missing_ok=True)
             records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
-        write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+        self._note(guid, records)
 
     def unchanged(self, guid: str, inputs: str, facts: Facts) -> None:
         """Note that the contest left the first result as it is: it is final."""
         records = self._records(guid)
         records["final"] = {**records["first"], "inputs": inputs, "facts": facts}
-        write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+        self._note(guid, records)
 
     def back_to_first(self, guid: str) -> None:
         """Undo a contest of an earlier run: the first result is the element's again.
@@ -219,7 +220,7 @@ class RunFolder:
                 else:
                     path.unlink()
         if records.pop("final", None) is not None:
-            write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+            self._note(guid, records)
 
     def forget(self, guid: str) -> None:
         """Remove what an earlier run left of an element that has failed now.
@@ -283,6 +284,9 @@ class RunFolder:
 
     def _state_path(self, guid: str) -> Path:
         return self.path / STATE / f"{self._stems[guid]}.json"
+
+    def _note(self, guid: str, records: dict[str, Any]) -> None:
+        write_atomically(self._state_path(guid), json.dumps(records) + "\n", settle=False)
 
     def _records(self, guid: str) -> dict[str, Any]:
         try:
