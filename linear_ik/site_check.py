@@ -40,7 +40,7 @@ class ScanCheck:
     Attributes:
         name: of the scan, for messages.
         points: finite ones.
-        low_m: [3] of the bounding box, in the scan's coordinates.
+        low_m: [3] of the bounding box, in the coordinates that the scan came in.
         high_m: [3].
         stations: scanner positions, None where the scan names none.
         finding: whether the two are in the same coordinates.

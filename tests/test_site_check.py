@@ -145,6 +145,27 @@ def test_a_scan_on_the_map(site, tmp_path, capsys):
     assert sum(one["covered"] for one in found["elements"]) == 3
 
 
+def test_a_scan_is_checked_as_the_fit_will_place_it(site, tmp_path, capsys):
+    _, path, model, points = site
+    T = np.eye(4)
+    T[:3, :3] = [[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]
+    T[:3, 3] = 40.0, -30.0, 2.0
+    write_scan(Scan((points - T[:3, 3]) @ T[:3, :3]), tmp_path / "turned.ply")
+    write_scan(Scan(model.map_conversion.to_map(points)), tmp_path / "map.ply")
+    np.savetxt(tmp_path / "T.txt", T)
+    np.savetxt(tmp_path / "back.txt", np.linalg.inv(T))
+    assert check_json(path, [tmp_path / "turned.ply"], capsys)[0] == 3
+    for scan, options in (
+        ("turned.ply", ["--transform", tmp_path / "T.txt"]),
+        ("turned.ply", ["--transform", tmp_path / "back.txt", "--inverse"]),
+        ("map.ply", ["--map"]),
+    ):
+        code, found = check_json(path, [tmp_path / scan, *options], capsys)
+        assert (code, found["scans"][0]["place"]) == (0, "model"), options
+        assert sum(one["covered"] for one in found["elements"]) == 3
+        np.testing.assert_allclose(found["scans"][0]["extent_m"], [points.min(axis=0), points.max(axis=0)], atol=1e-3)
+
+
 def test_a_scan_on_the_map_in_feet(site, tmp_path, capsys):
     _, path, model, points = site
     write_scan(Scan(model.map_conversion.to_map(points) / FEET), tmp_path / "scan.ply")
@@ -218,6 +239,8 @@ def test_far_from_the_origin_nothing_changes(site):
         (["{design}", "none.e57"], "error: none.e57: no such file"),
         (["{design}", "--class", "IfcWall"], "error: --class: 'IfcWall' (of IfcBeam"),
         (["{design}", "--slenderness", "-1"], "error: --slenderness: -1.0"),
+        (["{design}", "{scan}", "--inverse"], "error: --inverse: given without --transform"),
+        (["{design}", "{scan}", "--transform", "none.txt"], "error: none.txt: cannot be read"),
         (["{design}", "--slenderness", "1000", "{scan}"], "error: design.ifc: has no element that could be fitted"),
     ],
 )
