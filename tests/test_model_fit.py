@@ -380,6 +380,29 @@ def test_stations_reach_the_fit(built, tmp_path, monkeypatch):
     assert np.array_equal(seen[0].station_index, seen[0].points[:, 1] >= 1.0)
 
 
+def test_points_of_unknown_stations_among_others_are_said(built, tmp_path):
+    points = linear_ik.read_scan(built.scan).points
+    near = np.abs(points - [1.2, 1.0, 1.0]).max(axis=1) < 0.4  # on the two pipes
+    write_ptx(tmp_path / "a.ptx", points[~near])
+    model = only(built.design, GUIDS[0], ABSENT)
+    options = ModelFitOptions(**HERE, contest=False, max_points=1000, segments=2)
+    np.savetxt(tmp_path / "far.pts", points[near])
+    found = fit_model(model, [tmp_path / "a.ptx", tmp_path / "far.pts"], tmp_path / "out", options=options)
+    assert not any("stations" in note for note in found.notes)
+    np.savetxt(tmp_path / "near.pts", points[points[:, 2] > 0.5][:50])
+    for _ in range(2):  # the second takes all over
+        found = fit_model(model, [tmp_path / "a.ptx", tmp_path / "near.pts"], tmp_path / "out", options=options)
+        assert "1 element has points of unknown stations among others: there no station was used" in found.notes
+    report = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert report["scan_points"]["elements_with_mixed_stations"] == 1
+
+
+def write_ptx(path, points):
+    header = [f"{len(points)}\n1", "1 -3 1", "1 0 0\n0 1 0\n0 0 1", "1 0 0 0\n0 1 0 0\n0 0 1 0\n1 -3 1 1"]
+    rows = "\n".join(" ".join(f"{v:.6f}" for v in p) + " 0.5" for p in points - [1, -3, 1])
+    path.write_text("\n".join([*header, rows]) + "\n")
+
+
 def test_a_selection_by_class_and_guid(built, tmp_path):
     chosen = ModelFitOptions(**HERE, classes=["ifcpipesegment"], only=[GUIDS[3], GUIDS[0]], segments=3)
     found = fit_model(built.design, [built.scan], tmp_path, options=chosen)

@@ -26,6 +26,8 @@ Listener = Callable[[str, int, int, float], object]
 Pieces = Callable[[Array], Iterable[Scan]]
 """Gives the scan in the model's coordinates; what is in none of some boxes [B][2][3] may be left out."""
 
+FIGURES = ("points", "in_a_neighbourhood", "low_m", "high_m", "left_out", "elements_with_mixed_stations")
+
 
 @dataclass(frozen=True, eq=False)
 class HandedOut:
@@ -47,7 +49,10 @@ class HandedOut:
         return self.spill.received
 
     def of(self, i: int) -> tuple[Array, Array | None, npt.NDArray[np.int32] | None]:
-        """Return the points [P][3] of an element, the stations [S][3] and which saw each point [P], or None."""
+        """Return the points [P][3] of an element, the stations [S][3] and which saw each point [P], or None.
+
+        One point of an unknown station is enough for None: what is seen from where is asked of every point.
+        """
         records = self.spill.load(i)
         points, station = np.ascontiguousarray(records["xyz"]), records["station"].astype(np.int32)
         stations = self.stations if len(points) and self.stations is not None and station.min() >= 0 else None
@@ -95,6 +100,7 @@ def hand_out_once(
                 "low_m": extent.low_m.tolist(),
                 "high_m": extent.high_m.tolist(),
                 "left_out": extent.left_out,
+                "elements_with_mixed_stations": extent.mixed,
             },
         }
         write_atomically(note, json.dumps(done) + "\n")
@@ -116,7 +122,7 @@ def _earlier(note: Path, inputs: str, spill: Spill) -> dict[str, Any] | None:
             return None
         if done["stations"] and np.array(done["stations"], dtype=np.float64).shape[1:] != (3,):
             return None
-        figures = {key: done["extent"][key] for key in ("points", "in_a_neighbourhood", "low_m", "high_m", "left_out")}
+        figures = {key: done["extent"][key] for key in FIGURES}
     except (OSError, ValueError, KeyError, TypeError, OverflowError):
         return None
     return {**done, "extent": figures}

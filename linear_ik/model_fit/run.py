@@ -201,6 +201,9 @@ def _write(
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
     if fits.extent.get("left_out"):
         notes.append(f"left out of the scan: {no_points(fits.extent['left_out'])}")
+    if mixed := fits.extent.get("elements_with_mixed_stations"):
+        some = f"{mixed} elements have" if mixed > 1 else "1 element has"
+        notes.append(f"{some} points of unknown stations among others: there no station was used")
     write_table(rows, folder / TABLE)
     if design is not None:
         listener("writing asbuilt.ifc", 0, 0, float("nan"))
