@@ -25,15 +25,15 @@ class Scan:
     computes in single precision subtracts a local origin first.
 
     Attributes:
-        points: [P][3] metres. Points with a coordinate that is not finite are dropped.
+        points: [P][3] metres. Points with a coordinate that is not finite, or beyond 1e8 m, are dropped.
         normals: [P][3] unit vectors (zero where unknown), or None. Nothing says which side they point to.
         stations: [S][3] scanner positions in metres, or None.
         station_index: [P] row of ``stations`` that saw each point, or None.
-        left_out: how many points without finite coordinates came with these and were dropped.
+        left_out: how many points that are none came with these and were dropped, see `no_points`.
 
     Raises:
-        ScanError: no finite point is left, a coordinate beyond 1e8 m (no place on Earth has one,
-            and its square would spoil sums of millions), or the arrays do not belong together.
+        ScanError: no finite point is left, most have a coordinate beyond 1e8 m (no place on Earth has
+            one, and its square would spoil sums of millions), or the arrays do not belong together.
     """
 
     points: Array
@@ -61,19 +61,16 @@ class Scan:
             if len(index) and not (0 <= index.min() and index.max() < len(stations)):
                 wrong = index.min() if index.min() < 0 else index.max()
                 raise ScanError("station_index", f"value {wrong}", f"a row of stations, 0 to {len(stations) - 1}")
-        finite = np.isfinite(points).all(axis=1)
-        if not finite.all():
-            object.__setattr__(self, "left_out", self.left_out + int((~finite).sum()))
-            points = points[finite]
-            normals = None if normals is None else normals[finite]
-            index = None if index is None else index[finite]
+        strays = Strays()
+        keep = strays.apart_from(points)
+        if not keep.all():
+            object.__setattr__(self, "left_out", self.left_out + int((~keep).sum()))
+            points = points[keep]
+            normals = None if normals is None else normals[keep]
+            index = None if index is None else index[keep]
+        strays.check()
         if not len(points):
             raise ScanError("scan", "no point with finite coordinates", "at least one")
-        farthest = max(points.max(), -points.min())
-        if farthest > FARTHEST_M:
-            raise ScanError(
-                "points", f"a coordinate of {farthest:.3g} m", f"at most {FARTHEST_M:g} m: is it in millimetres?"
-            )
         values = (points, normals, stations, index)
         for name, value in zip(("points", "normals", "stations", "station_index"), values, strict=True):
             object.__setattr__(self, name, value)
@@ -86,6 +83,41 @@ class Scan:
     def __len__(self) -> int:
         """Return the number of points."""
         return len(self.points)
+
+
+class Strays:
+    """Points beyond 1e8 m: a few are left out; where most are so, the scan is not what it seems."""
+
+    def __init__(self) -> None:
+        """Begin with none."""
+        self._used = self._beyond = 0
+        self._farthest_m = 0.0
+
+    def apart_from(self, points: Array) -> npt.NDArray[np.bool_]:
+        """Return which of some points [P][3] are to be used: finite ones of up to 1e8 m."""
+        # What is no number is no less than anything. Most clouds are sound, which two looks tell without a copy.
+        if len(points) and max(points.max(), -points.min()) <= FARTHEST_M:
+            self._used += len(points)
+            return np.ones(len(points), dtype=bool)
+        far_m = np.abs(points).max(axis=1)
+        keep = np.asarray(far_m <= FARTHEST_M)
+        beyond = far_m[~keep & np.isfinite(far_m)]
+        self._used, self._beyond = self._used + int(keep.sum()), self._beyond + len(beyond)
+        self._farthest_m = max(self._farthest_m, float(beyond.max(initial=0.0)))
+        return keep
+
+    def check(self) -> None:
+        """Refuse the points so far where most of the finite ones are beyond.
+
+        Raises:
+            ScanError: they are.
+        """
+        if self._beyond > self._used:
+            raise ScanError(
+                "points",
+                f"a coordinate of {self._farthest_m:.3g} m",
+                f"at most {FARTHEST_M:g} m: is it in millimetres?",
+            )
 
 
 def merge(scans: Iterable[Scan]) -> Scan:
@@ -127,7 +159,7 @@ def merge(scans: Iterable[Scan]) -> Scan:
 
 def no_points(count: int) -> str:
     """Return how a person is told of points that are left out."""
-    return f"{count:,} point{'s' if count > 1 else ''} without finite coordinates"
+    return f"{count:,} point{'s' if count > 1 else ''} without usable coordinates, withheld or noise"
 
 
 def _append(array: npt.NDArray[np.generic], rows: npt.NDArray[np.generic]) -> None:

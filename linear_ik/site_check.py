@@ -18,6 +18,7 @@ from linear_ik.coordinates import coarse_step_m
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import DesignError
 from linear_ik.scan import Scan
+from linear_ik.scan_sample import ScanSample
 from linear_ik.site_frames import CLEARLY, FrameFinding, Hits, compare_frames, sure_change
 from linear_ik.site_samples import SurfaceSamples, sample_surfaces
 
@@ -39,12 +40,12 @@ class ScanCheck:
     Attributes:
         name: of the scan, for messages.
         points: finite ones.
-        low_m: [3] of the bounding box, in the scan's coordinates.
+        low_m: [3] of the bounding box, in the coordinates that the scan came in.
         high_m: [3].
         stations: scanner positions, None where the scan names none.
         finding: whether the two are in the same coordinates.
         near: [N] points near each segment of the model, all members' segments counted through.
-        left_out: points without finite coordinates.
+        left_out: points that are none, see `no_points`.
     """
 
     name: str
@@ -116,14 +117,13 @@ class SiteCheck:
         """
         count, left_out, low, high = 0, 0, np.full(3, np.inf), np.full(3, -np.inf)
         stations: set[tuple[float, ...]] = set()
-        some: list[Array] = []
-        for piece in read():
+        some = ScanSample()
+        for piece in some.of(read()):
             count, left_out = count + len(piece), left_out + piece.left_out
             low, high = np.minimum(low, piece.points.min(axis=0)), np.maximum(high, piece.points.max(axis=0))
             if piece.stations is not None:
                 stations.update(map(tuple, piece.stations.tolist()))
-            some.append(piece.points[:: max(1, len(piece) // 2000)])
-        sample = np.concatenate(some)
+        sample = some.points
         sample = sample[:: max(1, len(sample) // SAMPLE)]
         finding = compare_frames(self.model, sample, self.box_m, self._hits)
         if (step := coarse_step_m(sample)) is not None:

@@ -15,7 +15,7 @@ LEVELS = 4
 VLR_HEADER = 54
 
 
-def write_copc(path: Path, points: Array, scale: float = 1e-6, pages: bool = True) -> int:
+def write_copc(path: Path, points: Array, scale: float = 1e-6, pages: bool = True, withheld: int = 0) -> int:
     """Write points [P][3] as an octree of four levels, every node an eighth of what is left; return the nodes.
 
     Args:
@@ -23,6 +23,7 @@ def write_copc(path: Path, points: Array, scale: float = 1e-6, pages: bool = Tru
         points: metres.
         scale: of the stored coordinates.
         pages: put every node below the second level on a hierarchy page of its parent.
+        withheld: how many of the points, the first ones, are marked so.
     """
     import laspy
     import lazrs
@@ -39,6 +40,7 @@ def write_copc(path: Path, points: Array, scale: float = 1e-6, pages: bool = Tru
     header.are_points_compressed = True
     stored = laspy.ScaleAwarePointRecord.zeros(len(points), header=header)
     stored.x, stored.y, stored.z = points.T
+    stored.withheld[:withheld] = 1
     header.grow(stored)
     raw = stored.array.view(np.uint8).reshape(len(points), -1)
     out = io.BytesIO()

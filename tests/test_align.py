@@ -167,7 +167,7 @@ def test_a_point_at_the_origin_of_the_map_does_not_stop_an_alignment() -> None:
     assert found.status == "aligned" and error(found, T)[0] < 0.002
     assert found.reasons == (
         "Points left out, more than 31 km from the others: 1.",
-        "Left out: 2 points without finite coordinates.",
+        "Left out: 2 points without usable coordinates, withheld or noise.",
     )
 
 

@@ -145,7 +145,7 @@ def test_points_without_coordinates_are_counted(folder, tmp_path, capfd):
     np.savetxt(tmp_path / "scan.xyz", np.insert(points, [1, 5], np.nan, axis=0))
     options = ["--max-iterations", "3", "-o", f"{tmp_path}/r.json"]
     assert main(["fit", f"{folder}/beam.yaml", f"{tmp_path}/scan.xyz", *options]) == 0
-    assert "\nleft out   2 points without finite coordinates\n" in capfd.readouterr().err
+    assert "\nleft out   2 points without usable coordinates, withheld or noise\n" in capfd.readouterr().err
 
 
 def test_quiet_is_silent(folder, tmp_path, capfd):

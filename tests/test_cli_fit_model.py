@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import shutil
 import signal
 import subprocess
 import sys
@@ -143,6 +144,53 @@ def test_ctrl_c_leaves_what_is_finished_and_nothing_half(frame, fitted, tmp_path
     for guid in fitted[2]:
         results = [json.loads((o / "elements" / f"{guid}.json").read_text()) for o in (out, fitted[1])]
         assert {**results[0], "timings_s": 0} == {**results[1], "timings_s": 0}
+
+
+def test_a_disk_that_the_clouds_fill_costs_nothing_but_them(frame, fitted, tmp_path, monkeypatch, capsys):
+    resource = pytest.importorskip("resource")
+    import linear_ik.model_fit.run as of_run
+
+    out, colour = shutil.copytree(fitted[1], tmp_path / "asbuilt", copy_function=shutil.copy2), of_run.colour_scan
+    names = ("asbuilt.ifc", "elements.csv", "run.json")
+    for name in (*names, "deviation.ply", "deviation.laz"):
+        (out / name).unlink()
+    arguments = ["fit", frame[1] / "design.ifc", frame[1] / "site.laz", "-o", out, "--only", ",".join(fitted[2])]
+    arguments = [*map(str, arguments), "--segments", "6", "--workers", "0", "--quiet"]
+    limits = resource.getrlimit(resource.RLIMIT_FSIZE)
+
+    def on_a_full_disk(*given):
+        # Python ignores the signal: whoever writes more than that gets an OSError, as of a full disk.
+        resource.setrlimit(resource.RLIMIT_FSIZE, (4000, limits[1]))
+        try:
+            return colour(*given)
+        finally:
+            resource.setrlimit(resource.RLIMIT_FSIZE, limits)
+
+    for needs_laz in (False, True):
+        with monkeypatch.context() as patch:
+            patch.setattr(of_run, "colour_scan", on_a_full_disk)
+            if needs_laz:
+                patch.setattr("linear_ik.model_fit.colours.PlyCloud", FileOfNothing)
+            assert main(arguments) == 2
+        stdout, stderr = capsys.readouterr()
+        assert (stdout, stderr.count("\n")) == ("", 1)
+        assert stderr.startswith(f"error: {out / 'deviation.'}"), stderr
+        assert "cannot be written: " in stderr
+        assert {p.name for p in out.iterdir()} == {*names, "elements", "run_state"}
+        assert json.loads((out / "run.json").read_text())["deviation"] == {}
+    assert main(arguments) == 0
+    assert (out / "deviation.ply").read_bytes() == (fitted[1] / "deviation.ply").read_bytes()
+    assert json.loads((out / "run.json").read_text())["where"]["fitted_now"] == 0
+
+
+class FileOfNothing:
+    def __init__(self, path, *_):
+        path.touch()
+
+    def write(self, *_):
+        pass
+
+    close = write
 
 
 def test_nothing_of_it_in_the_scan_is_exit_code_3(frame, tmp_path):

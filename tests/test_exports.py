@@ -122,6 +122,17 @@ def test_a_link_keeps_pointing_to_its_file(tmp_path: Path) -> None:
     assert (tmp_path / "link").is_symlink() and (tmp_path / "real").read_text() == "new"
 
 
+def test_data_are_on_the_disk_before_the_name_is(tmp_path: Path, monkeypatch: pytest.MonkeyPatch) -> None:
+    fsync, replace = os.fsync, os.replace
+    done: list[object] = []
+    monkeypatch.setattr(os, "fsync", lambda fd: (done.append(os.fstat(fd).st_size), fsync(fd)))
+    monkeypatch.setattr(os, "replace", lambda *paths: (done.append("named"), replace(*paths)))
+    write_atomically(tmp_path / "a", "12345")
+    with written_whole(tmp_path / "b") as part:
+        part.write_text("123")
+    assert done == [5, "named", 3, "named"]
+
+
 def test_a_file_written_bit_by_bit_follows_a_link_and_spares_a_device(tmp_path: Path) -> None:
     (tmp_path / "real").write_text("old")
     (tmp_path / "link").symlink_to("real")

@@ -4,6 +4,7 @@ from __future__ import annotations
 
 import csv
 import json
+import os
 import shutil
 from dataclasses import replace
 
@@ -293,7 +294,7 @@ def test_points_without_coordinates_are_counted(built, tmp_path):
             model, [tmp_path / "scan.xyz"], tmp_path / "out", options=ModelFitOptions(**HERE, T_model_scan=T)
         )
         report = json.loads((tmp_path / "out" / "run.json").read_text())
-        assert "left out of the scan: 3 points without finite coordinates" in found.notes
+        assert "left out of the scan: 3 points without usable coordinates, withheld or noise" in found.notes
         assert report["scan_points"]["left_out"] == 3
         assert report["scan_points"]["points"] == len(points)
 
@@ -379,6 +380,29 @@ def test_stations_reach_the_fit(built, tmp_path, monkeypatch):
     assert np.array_equal(seen[0].station_index, seen[0].points[:, 1] >= 1.0)
 
 
+def test_points_of_unknown_stations_among_others_are_said(built, tmp_path):
+    points = linear_ik.read_scan(built.scan).points
+    near = np.abs(points - [1.2, 1.0, 1.0]).max(axis=1) < 0.4  # on the two pipes
+    write_ptx(tmp_path / "a.ptx", points[~near])
+    model = only(built.design, GUIDS[0], ABSENT)
+    options = ModelFitOptions(**HERE, contest=False, max_points=1000, segments=2)
+    np.savetxt(tmp_path / "far.pts", points[near])
+    found = fit_model(model, [tmp_path / "a.ptx", tmp_path / "far.pts"], tmp_path / "out", options=options)
+    assert not any("stations" in note for note in found.notes)
+    np.savetxt(tmp_path / "near.pts", points[points[:, 2] > 0.5][:50])
+    for _ in range(2):  # the second takes all over
+        found = fit_model(model, [tmp_path / "a.ptx", tmp_path / "near.pts"], tmp_path / "out", options=options)
+        assert "1 element has points of unknown stations among others: there no station was used" in found.notes
+    report = json.loads((tmp_path / "out" / "run.json").read_text())
+    assert report["scan_points"]["elements_with_mixed_stations"] == 1
+
+
+def write_ptx(path, points):
+    header = [f"{len(points)}\n1", "1 -3 1", "1 0 0\n0 1 0\n0 0 1", "1 0 0 0\n0 1 0 0\n0 0 1 0\n1 -3 1 1"]
+    rows = "\n".join(" ".join(f"{v:.6f}" for v in p) + " 0.5" for p in points - [1, -3, 1])
+    path.write_text("\n".join([*header, rows]) + "\n")
+
+
 def test_a_selection_by_class_and_guid(built, tmp_path):
     chosen = ModelFitOptions(**HERE, classes=["ifcpipesegment"], only=[GUIDS[3], GUIDS[0]], segments=3)
     found = fit_model(built.design, [built.scan], tmp_path, options=chosen)
@@ -427,17 +451,20 @@ def test_a_transform_of_few_digits_becomes_a_rotation():
     assert np.abs(T[:3, :3] @ T[:3, :3].T - np.eye(3)).max() < 1e-14
 
 
-def test_bad_scans_leave_nothing(built, tmp_path):
-    folder = tmp_path / "asbuilt"
-    with pytest.raises(ScanError, match="no such file"):
-        fit_model(built.design, [tmp_path / "no.ply"], folder, options=ModelFitOptions(**HERE))
+@pytest.mark.parametrize("there", [".", "deep", "deep/asbuilt", "deep/asbuilt/elements"])
+def test_bad_scans_leave_nothing(built, tmp_path, there):
+    folder = tmp_path / "deep" / "asbuilt"
+    (tmp_path / there).mkdir(parents=True, exist_ok=True)
     cut = tmp_path / "cut.ply"
     cut.write_bytes(built.scan.read_bytes()[:-1000])
+    before = set(tmp_path.rglob("*"))
+    with pytest.raises(ScanError, match="no such file"):
+        fit_model(built.design, [tmp_path / "no.ply"], folder, options=ModelFitOptions(**HERE))
     with pytest.raises(ScanError, match="cut.ply"):
         fit_model(built.design, [built.scan, cut], folder, options=ModelFitOptions(**HERE))
     with pytest.raises(LinearIkError, match="at least one"):
         fit_model(built.design, [], folder, options=ModelFitOptions(**HERE))
-    assert not folder.exists()
+    assert set(tmp_path.rglob("*")) == before
 
 
 def test_ctrl_c_keeps_points_that_were_all_handed_out_and_no_others(built, tmp_path, monkeypatch):
@@ -466,8 +493,12 @@ def test_ctrl_c_keeps_points_that_were_all_handed_out_and_no_others(built, tmp_p
             run(lambda stage, *_: stages.add(stage))
     assert stages == {"reading the design"}, "the scan is not read again"
     noted = json.loads((points / "complete.json").read_text())
-    for note in ([], "complete", {**noted, "received": "all"}, {**noted, "stations": [1]}, {**noted, "extent": None}):
+    wrong = [[], "complete", {**noted, "received": "all"}, {**noted, "stations": [1]}, {**noted, "extent": None}]
+    for note in (*wrong, noted):
         (points / "complete.json").write_text(json.dumps(note))
+        if note is noted:
+            # As after a power cut.
+            os.truncate(points / "0.points", (points / "0.points").stat().st_size - 1000)
         with monkeypatch.context() as patch:
             patch.setattr(Fits, "first", stopped)
             stages = set()
@@ -510,6 +541,28 @@ def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):
     with pytest.raises(ScanError):
         fit_model(built.design, [cut], folder, options=ModelFitOptions(**HERE))
     assert contents(folder) == contents(done[1])
+
+
+@pytest.mark.parametrize("stage", ["handing out points", "colouring the scan"])
+def test_a_scan_that_changes_while_it_is_read_is_refused(built, done, tmp_path, stage):
+    folder = tmp_path / "asbuilt"
+    if stage == "colouring the scan":
+        shutil.copytree(done[1], folder, copy_function=shutil.copy2)
+        (folder / "deviation.ply").unlink()
+    at = built.scan.stat()
+
+    def on_progress(now, *_):
+        if now == stage:
+            os.utime(built.scan, ns=(at.st_atime_ns, at.st_mtime_ns + 1_000_000))
+
+    try:
+        with pytest.raises(ScanError, match="it changed while it was read") as caught:
+            fit_model(built.design, [built.scan], folder, options=ModelFitOptions(**HERE), on_progress=on_progress)
+    finally:
+        os.utime(built.scan, ns=(at.st_atime_ns, at.st_mtime_ns))
+    assert caught.value.subject == str(built.scan)
+    assert folder.exists() == (stage == "colouring the scan")
+    assert not (folder / "deviation.ply").exists()
 
 
 @pytest.mark.parametrize("name", ["asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json"])

@@ -6,12 +6,15 @@ import json
 from dataclasses import replace
 
 import pytest
-from site_samples import ABSENT, only, site
+from site_samples import ABSENT, design, only, site
 
 from linear_ik.cli import main
 from linear_ik.errors import OutputError
+from linear_ik.fit import not_scanned
 from linear_ik.model_fit import ModelFitOptions, fit_model
+from linear_ik.model_fit.folder import RunFolder
 from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
+from linear_ik.settings import FitSettings
 
 HERE = {"workers": 0}
 NAMES = ("asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json", "elements/beam.json")
@@ -86,12 +89,31 @@ def test_a_run_that_was_stopped_before_its_end_goes_on(built, tmp_path, monkeypa
         raise KeyboardInterrupt
 
     with monkeypatch.context() as patched:
-        patched.setattr("linear_ik.model_fit.run.colour_scan", stopped)
+        patched.setattr("linear_ik.model_fit.run.versions", stopped)
         with pytest.raises(KeyboardInterrupt):
             fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
     assert (tmp_path / "elements.csv").exists() and not (tmp_path / "run.json").exists()
     fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
     assert (tmp_path / "run.json").exists()
+
+
+def test_what_the_system_refuses_is_said_of_the_file(tmp_path):
+    folder = RunFolder(tmp_path, ["a"])
+    folder.make()
+    result = not_scanned(design().members[0].element, "none", FitSettings())
+    # A folder in a file's place.
+    (tmp_path / "run_state" / "first" / "a.json").mkdir()
+    (tmp_path / "run_state" / "points").write_text("")
+    for work, name in (
+        (lambda: folder.keep("a", "first", "x", result, {}), "elements/a.json"),
+        (lambda: folder.back_to_first("a"), "run_state/first/a.json"),
+        (lambda: folder.forget("a"), "run_state/first/a.json"),
+        (folder.new_scratch, "run_state/points"),
+    ):
+        with pytest.raises(OutputError, match="cannot be written: ") as caught:
+            work()
+        assert caught.value.subject == str(tmp_path / name)
+    folder.release()
 
 
 def test_files_that_no_run_writes_are_let_be(built, tmp_path):

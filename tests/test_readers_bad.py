@@ -132,9 +132,20 @@ def test_nothing_but_nan(tmp_path, refused, name):
 @pytest.mark.parametrize("value", [1e300, -3.4e38, 1e9])
 def test_coordinates_that_are_nowhere_on_earth(tmp_path, refused, value):
     points = cloud(5)
-    points[3, 1] = value
+    points[:3, 1] = value
     ply(tmp_path / "a.ply", points)
     assert "1e+08 m" in refused(tmp_path / "a.ply")
+
+
+def test_few_points_that_are_nowhere_on_earth_are_left_out_wherever_they_stand(tmp_path):
+    points = cloud(7)
+    points[[2, 6]] = 2e9
+    ply(tmp_path / "a.ply", points)
+    # A piece may hold nothing else.
+    for size in (1, 3, 250_000):
+        pieces = list(iter_scan(tmp_path / "a.ply", size))
+        assert sum(piece.left_out for piece in pieces) == 2
+        np.testing.assert_array_equal(np.concatenate([p.points for p in pieces]), np.delete(points, [2, 6], axis=0))
 
 
 @pytest.mark.parametrize(

@@ -5,6 +5,7 @@ from __future__ import annotations
 import json
 import struct
 import time
+from dataclasses import replace
 
 import numpy as np
 import pytest
@@ -12,10 +13,14 @@ from copc_files import write_copc
 from site_samples import GUIDS, only, site
 
 import linear_ik
+from linear_ik.design_model import MapConversion
 from linear_ik.errors import ScanError
 from linear_ik.model_fit import ModelFitOptions, fit_model
+from linear_ik.model_fit.placing import scan_to_model
 from linear_ik.readers import copc, iter_scan
-from linear_ik.site.handout import boxes_back
+from linear_ik.site.handout import boxes_back, hand_out, moved
+from linear_ik.site.neighbourhood import Neighbourhoods
+from linear_ik.site.spill import Spill
 
 CORNER = np.array([[[500000.0, 5e6, 100.0], [500005.0, 5e6 + 4, 106.0]]])
 
@@ -60,6 +65,14 @@ def test_what_is_in_the_boxes_is_read_and_little_else(octree, chunk_points):
     )
     assert len(found) < 0.4 * len(points)
     assert len(np.unique(found, axis=0)) == len(found)
+
+
+def test_what_is_withheld_is_left_out(tmp_path):
+    points = np.round(np.random.default_rng(3).uniform(0, 9, (500, 3)), 4)
+    write_copc(tmp_path / "a.copc.laz", points, 1e-4, withheld=40)
+    pieces = list(iter_scan(tmp_path / "a.copc.laz", within=np.array([[[0.0] * 3, [9.0] * 3]])))
+    np.testing.assert_allclose(ordered(np.concatenate([p.points for p in pieces])), ordered(points[40:]), atol=1e-6)
+    assert sum(piece.left_out for piece in pieces) == 40
 
 
 def test_chunks_that_follow_each_other_are_read_together_up_to_the_most():
@@ -127,20 +140,46 @@ def test_a_damaged_octree_is_refused(octree, change):
     assert sum(map(len, iter_scan(path))) == len(octree[1])
 
 
-def test_boxes_go_back_into_the_scans_coordinates():
+@pytest.mark.parametrize("scale", [1.0, 0.5])
+def test_boxes_go_back_into_the_scans_coordinates(scale):
     angle = np.radians(30)
     T = np.eye(4)
     T[:2, :2] = [[np.cos(angle), -np.sin(angle)], [np.sin(angle), np.cos(angle)]]
+    T[:3, :3] *= scale
     T[:3, 3] = [3, -2, 1]
     boxes = np.array([[[0.0, 0.0, 0.0], [2.0, 1.0, 0.5]], [[5.0, 5.0, 5.0], [5.0, 5.0, 5.0]]])
     back = boxes_back(boxes, T)
     rng = np.random.default_rng(0)
     for box, held in zip(boxes, back, strict=True):
         points = rng.uniform(*box, (500, 3))
-        scan = (points - T[:3, 3]) @ T[:3, :3]
+        scan = (points - T[:3, 3]) @ np.linalg.inv(T[:3, :3]).T
         assert inside(scan, [held + [[-1e-9], [1e-9]]]).all()
     np.testing.assert_allclose(back[1, 0], back[1, 1])
     assert boxes_back(boxes, None) is boxes
+
+
+def test_on_a_map_with_a_scale_the_elements_get_the_points_of_the_whole_scan(tmp_path):
+    built = site(tmp_path)
+    model = only(built.design, GUIDS[2])
+    T_map_model = np.eye(4)
+    T_map_model[:3, :3] = 0.9996 * np.array([[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]])
+    T_map_model[:3, 3] = 500_000.0, 5_400_000.0, 100.0
+    rng = np.random.default_rng(5)
+    hall = rng.uniform([-1, -1, -0.5], [30, 30, 6], (20_000, 3))
+    points = np.concatenate([linear_ik.read_scan(built.scan).points, hall])
+    path = tmp_path / "octree.copc.laz"
+    write_copc(path, np.round(points @ T_map_model[:3, :3].T + T_map_model[:3, 3], 4), 1e-4)
+    T = scan_to_model(
+        replace(model, map_conversion=MapConversion(T_map_model, "grid")), ModelFitOptions(map_coordinates=True)
+    )
+    near = Neighbourhoods.of([m.element for m in model.members], [0.15])
+    received = []
+    for within in (boxes_back(near.bounds_m, T), None):
+        spill = Spill(tmp_path, 1, 10**6, 10**8)
+        read = hand_out(moved(iter_scan(path, within=within), T), near, spill).points
+        received.append((int(spill.received[0]), read < len(points)))
+    assert received[0][0] == received[1][0] > 1000
+    assert [few for _, few in received] == [True, False]
 
 
 def test_a_run_ends_as_with_the_whole_scan(tmp_path):

@@ -6,6 +6,7 @@ import numpy as np
 import pytest
 from test_readers_files import WRITERS, cloud, las, pcd_float, pcd_open3d, ply, written, xyz
 
+from linear_ik.errors import ScanError
 from linear_ik.readers import iter_scan, read_scan
 
 __all__ = ["written"]
@@ -130,6 +131,28 @@ def test_laz_chunks_of_varying_size(tmp_path, point_format):
         file.write(struct.pack("<H16sHH32s", 0, b"laszip encoded", 22204, len(vlr.record_data()), b""))
         file.write(vlr.record_data())
     np.testing.assert_allclose(read_scan(tmp_path / "a.laz").points, points, rtol=0, atol=1e-6)
+
+
+@pytest.mark.parametrize(("suffix", "point_format"), [(".las", 3), (".las", 6), (".laz", 6)])
+def test_what_a_las_file_withholds_or_calls_noise_is_left_out(tmp_path, suffix, point_format):
+    import laspy
+
+    points = cloud(7, offset=0)
+    header = laspy.LasHeader(version="1.4", point_format=point_format)
+    header.scales = [1e-6] * 3
+    data = laspy.LasData(header)
+    data.x, data.y, data.z = points.T
+    data.withheld[[1, 4]] = 1
+    data.classification[:] = [0, 1, 7, 6, 18, 2, 17]
+    path = tmp_path / f"a{suffix}"
+    data.write(str(path))
+    scan = read_scan(path)
+    np.testing.assert_allclose(scan.points, points[[0, 3, 5, 6]], rtol=0, atol=1e-6)
+    assert scan.left_out == 3
+    data.withheld[:] = 1
+    data.write(str(path))
+    with pytest.raises(ScanError, match=r"a\.la.: no point with .* neither withheld nor noise"):
+        read_scan(path)
 
 
 def test_pcd_with_padding_and_histograms(tmp_path):

@@ -19,6 +19,17 @@ def test_points_that_are_none_are_dropped_with_all_that_belongs_to_them():
     assert merge([scan, Scan(points)]).left_out == 4
 
 
+def test_few_points_beyond_the_earth_are_left_out_most_are_not():
+    points = np.arange(15.0).reshape(5, 3)
+    points[3, 1], points[1, 0] = -2e9, 1e300
+    scan = Scan(points)
+    np.testing.assert_array_equal(scan.points, points[[0, 2, 4]])
+    assert scan.left_out == 2
+    points[0, 0] = 3e9
+    with pytest.raises(ScanError, match=r"a coordinate of 1e\+300 m"):
+        Scan(points)
+
+
 def test_lists_and_single_precision_become_double():
     assert Scan([[1, 2, 3]]).points.dtype == np.float64
     assert Scan(np.ones((2, 3), dtype=np.float32)).points.dtype == np.float64

@@ -1,6 +1,7 @@
 """`linear-ik check`: what it says of a design and of scans of it, where the truth is known."""
 
 import json
+import tracemalloc
 
 import numpy as np
 import pytest
@@ -86,7 +87,7 @@ def test_it_says_so_in_words(site, tmp_path, capsys):
     out = capsys.readouterr().out
     for said in (
         f"scan       scan.xyz: {len(site[3]):,} points, stations unknown",
-        "left out   1 point without finite coordinates",
+        "left out   1 point without usable coordinates, withheld or noise",
         "place      in the model's coordinates",
         "overlap    3 of 4 elements are covered",
         "not seen   C2 HEB200: ",
@@ -144,6 +145,27 @@ def test_a_scan_on_the_map(site, tmp_path, capsys):
     assert sum(one["covered"] for one in found["elements"]) == 3
 
 
+def test_a_scan_is_checked_as_the_fit_will_place_it(site, tmp_path, capsys):
+    _, path, model, points = site
+    T = np.eye(4)
+    T[:3, :3] = [[0.8, -0.6, 0.0], [0.6, 0.8, 0.0], [0.0, 0.0, 1.0]]
+    T[:3, 3] = 40.0, -30.0, 2.0
+    write_scan(Scan((points - T[:3, 3]) @ T[:3, :3]), tmp_path / "turned.ply")
+    write_scan(Scan(model.map_conversion.to_map(points)), tmp_path / "map.ply")
+    np.savetxt(tmp_path / "T.txt", T)
+    np.savetxt(tmp_path / "back.txt", np.linalg.inv(T))
+    assert check_json(path, [tmp_path / "turned.ply"], capsys)[0] == 3
+    for scan, options in (
+        ("turned.ply", ["--transform", tmp_path / "T.txt"]),
+        ("turned.ply", ["--transform", tmp_path / "back.txt", "--inverse"]),
+        ("map.ply", ["--map"]),
+    ):
+        code, found = check_json(path, [tmp_path / scan, *options], capsys)
+        assert (code, found["scans"][0]["place"]) == (0, "model"), options
+        assert sum(one["covered"] for one in found["elements"]) == 3
+        np.testing.assert_allclose(found["scans"][0]["extent_m"], [points.min(axis=0), points.max(axis=0)], atol=1e-3)
+
+
 def test_a_scan_on_the_map_in_feet(site, tmp_path, capsys):
     _, path, model, points = site
     write_scan(Scan(model.map_conversion.to_map(points) / FEET), tmp_path / "scan.ply")
@@ -175,6 +197,22 @@ def test_pieces_and_stations_are_added_up(site):
     np.testing.assert_array_equal(whole.near, apart.near)
 
 
+def test_memory_does_not_grow_with_the_scan(site):
+    check = SiteCheck(site[2])
+
+    def peak(pieces):
+        rng = np.random.default_rng(0)
+        tracemalloc.start()
+        try:
+            check.scan("s", lambda: (Scan(rng.uniform(-5, 12, (1_000, 3))) for _ in range(pieces)))
+            return tracemalloc.get_traced_memory()[1]
+        finally:
+            tracemalloc.stop()
+
+    some = peak(200)
+    assert peak(600) < some + 2e6
+
+
 def test_far_from_the_origin_nothing_changes(site):
     """A model that itself is on the map."""
     from dataclasses import replace
@@ -201,6 +239,8 @@ def test_far_from_the_origin_nothing_changes(site):
         (["{design}", "none.e57"], "error: none.e57: no such file"),
         (["{design}", "--class", "IfcWall"], "error: --class: 'IfcWall' (of IfcBeam"),
         (["{design}", "--slenderness", "-1"], "error: --slenderness: -1.0"),
+        (["{design}", "{scan}", "--inverse"], "error: --inverse: given without --transform"),
+        (["{design}", "{scan}", "--transform", "none.txt"], "error: none.txt: cannot be read"),
         (["{design}", "--slenderness", "1000", "{scan}"], "error: design.ifc: has no element that could be fitted"),
     ],
 )

@@ -32,6 +32,22 @@ def _known_unit(unit: str | None) -> str | None:
     return unit
 
 
+def transform_option() -> Any:
+    """Return the file of the motion that takes a scan into the model's coordinates."""
+    about = "4 x 4 numbers that take the scan into the model's coordinates."
+    return file_option("--transform", metavar="T.txt", about=about)
+
+
+def inverse_option() -> Any:
+    """Return whether that motion is given the other way round."""
+    return typer.Option("--inverse", help="T.txt takes the model into the scan's.")
+
+
+def map_option() -> Any:
+    """Return whether the design's map conversion says how the scan lies."""
+    return typer.Option("--map", help="The scan is in the map's coordinates (IfcMapConversion).")
+
+
 def file_option(*names: str, metavar: str, about: str) -> Any:
     """Return a file behind an option."""
     return typer.Option(*names, metavar=metavar, help=about, readable=False)

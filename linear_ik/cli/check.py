@@ -7,19 +7,26 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, unit_option
+from linear_ik.cli.arguments import file_argument, inverse_option, map_option, transform_option, unit_option
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
 
 if TYPE_CHECKING:
+    from collections.abc import Iterator
+
+    import numpy as np
+    import numpy.typing as npt
+
     from linear_ik.design_model import DesignModel
+    from linear_ik.scan import Scan
     from linear_ik.site_check import ScanCheck, SiteCheck
 
-EXAMPLE = """Example: the design alone; with its scans; as JSON
+EXAMPLE = """Example: the design alone; with its scans; with one that was aligned; as JSON
 
 \b
   linear-ik check design.ifc
   linear-ik check design.ifc east.e57 west.e57
+  linear-ik check design.ifc site.e57 --transform T.txt
   linear-ik check design.ifc site.e57 --json | jq '.elements[] | select(.covered | not) | .tag'
 
 Exit code 3: no element is covered by the scans.
@@ -46,12 +53,22 @@ def check(
         bool, typer.Option("--obstacles/--no-obstacles", help="Read the other bodies too; takes longer.")
     ] = False,
     scan_unit: Annotated[str | None, unit_option()] = None,
+    transform: Annotated[Path | None, transform_option()] = None,
+    inverse: Annotated[bool, inverse_option()] = False,
+    in_map: Annotated[bool, map_option()] = False,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No progress.")] = False,
 ) -> Outcome:
     """Read the design, compare the scans, print."""
     from linear_ik.cli.check_text import coverage_lines, design_lines, scan_lines, to_json
+    from linear_ik.cli.fit_model import OPTIONS, transform_given
     from linear_ik.errors import SettingsError
+    from linear_ik.model_fit.options import ModelFitOptions
+    from linear_ik.model_fit.placing import scan_to_model
 
+    try:
+        placing = ModelFitOptions(T_model_scan=transform_given(transform, inverse), map_coordinates=in_map)
+    except SettingsError as error:
+        raise about_options(error, **OPTIONS) from None
     progress = Progress(quiet)
     with progress.stage(f"reading {design}", judges_input=True):
         from linear_ik.bim import read_design
@@ -68,13 +85,14 @@ def check(
                 slenderness=slenderness,
                 obstacles=obstacles,
             )
+            T = scan_to_model(model, placing)
         except SettingsError as error:
-            raise about_options(error, classes="--class") from None
+            raise about_options(error, **OPTIONS) from None
     paths = scan or []
     lines = design_lines(model)
     if not paths:
         return Outcome(text=to_json(model, [], None) if as_json else _text(lines))
-    site, checks = _check_scans(model, paths, progress, scan_unit)
+    site, checks = _check_scans(model, paths, progress, scan_unit, T)
     coverage = site.coverage(checks)
     for one in checks:
         lines += scan_lines(one)
@@ -84,9 +102,14 @@ def check(
 
 
 def _check_scans(
-    model: DesignModel, paths: list[Path], progress: Progress, unit: str | None
+    model: DesignModel,
+    paths: list[Path],
+    progress: Progress,
+    unit: str | None,
+    T_model_scan: npt.NDArray[np.float64] | None,  # noqa: N803
 ) -> tuple[SiteCheck, list[ScanCheck]]:
     from linear_ik.readers import iter_scan
+    from linear_ik.site.handout import moved
     from linear_ik.site_check import SiteCheck
 
     with progress.stage("sampling the elements", judges_input=True):
@@ -98,7 +121,10 @@ def _check_scans(
             def points_done(done: int, path: Path = path) -> None:
                 progress.update(f"comparing {path}: {done:,} points")
 
-            checks.append(site.scan(path.name, lambda path=path: iter_scan(path, unit=unit), points_done))  # type: ignore[misc]
+            def read(path: Path = path) -> Iterator[Scan]:
+                return moved(iter_scan(path, unit=unit), T_model_scan)
+
+            checks.append(site.scan(path.name, read, points_done))
     return site, checks
 
 

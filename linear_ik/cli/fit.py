@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated, Literal
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option, unit_option
+from linear_ik.cli.arguments import (
+    file_argument,
+    file_option,
+    inverse_option,
+    map_option,
+    transform_option,
+    unit_option,
+)
 from linear_ik.cli.judging import (
     judged_by,
     loading_state_option,
@@ -109,16 +116,9 @@ def fit(
         float | None,
         typer.Option("--length-tolerance", metavar="METRES", help=FOR_MODELS + "how far a length may be off; 0."),
     ] = None,
-    transform: Annotated[
-        Path | None,
-        file_option(
-            "--transform", metavar="T.txt", about="4 x 4 numbers that take the scan into the model's coordinates."
-        ),
-    ] = None,
-    inverse: Annotated[bool, typer.Option("--inverse", help="T.txt takes the model into the scan's.")] = False,
-    in_map: Annotated[
-        bool, typer.Option("--map", help="The scan is in the map's coordinates (IfcMapConversion).")
-    ] = False,
+    transform: Annotated[Path | None, transform_option()] = None,
+    inverse: Annotated[bool, inverse_option()] = False,
+    in_map: Annotated[bool, map_option()] = False,
     reach: Annotated[
         float | None, typer.Option("--reach", metavar="METRES", help="How far an element may be from its design; 0.15.")
     ] = None,

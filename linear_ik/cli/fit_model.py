@@ -77,10 +77,7 @@ def fit_building(
     for name in OUTPUTS:
         check_output(output / name, [design, *scans, *([] if transform is None else [transform])])
     given = {name: value for name, value in options.items() if value is not None}
-    if inverse and transform is None:
-        raise SettingsError("--inverse", "given without --transform", "--transform T.txt")
-    if transform is not None:
-        given["T_model_scan"] = read_transform(transform, inverse)
+    given["T_model_scan"] = transform_given(transform, inverse)
     if given.get("only") == ():
         raise LinearIkError("--only", "names no element", "GlobalIds, separated by commas")
     from linear_ik.model_fit import ModelFitOptions, fit_model
@@ -98,6 +95,19 @@ def fit_building(
         for line in summary(found, output):
             print(line, file=sys.stderr)
     return Outcome(0 if found.fitted else NOT_SCANNED)
+
+
+def transform_given(path: Path | None, inverse: bool) -> npt.NDArray[np.float64] | None:
+    """Return what --transform and --inverse say, the matrix [4][4] from the scan to the model, or None.
+
+    Raises:
+        LinearIkError: no such file, something else in it, or --inverse alone.
+    """
+    if path is not None:
+        return read_transform(path, inverse)
+    if inverse:
+        raise LinearIkError("--inverse", "given without --transform", "--transform T.txt")
+    return None
 
 
 def read_transform(path: Path, inverse: bool = False) -> npt.NDArray[np.float64]:

@@ -7,6 +7,8 @@ the colour: ``scalar_deviation_m`` in a PLY, ``deviation_m`` in a LAZ.
 from __future__ import annotations
 
 import importlib.util
+from collections.abc import Iterator
+from contextlib import contextmanager
 from pathlib import Path
 from typing import Any, BinaryIO, Protocol
 
@@ -87,13 +89,15 @@ class LazCloud:
     def __init__(self, path: Path, offset_m: Array) -> None:
         """Begin the file; `laz_can_be_written` says whether that will do."""
         import laspy
+        import lazrs
 
         header = laspy.LasHeader(point_format=2, version="1.2")
         header.scales, header.offsets = np.full(3, LAZ_STEP_M), np.floor(offset_m)
         header.add_extra_dim(laspy.ExtraBytesParams("deviation_m", "f4", "signed, outside positive"))
         header.add_extra_dim(laspy.ExtraBytesParams("element", "u4", "row of elements.csv, from 1"))
-        self._laspy, self._header = laspy, header
-        self._file: Any = laspy.open(str(path), mode="w", header=header, do_compress=True)
+        self._laspy, self._header, self._refusal = laspy, header, lazrs.LazrsError
+        with self._said_as_others():
+            self._file: Any = laspy.open(str(path), mode="w", header=header, do_compress=True)
 
     def write(self, points: Array, deviation_m: Array, colours: Colours, element: npt.NDArray[np.intp]) -> None:
         """Take some points.
@@ -109,8 +113,18 @@ class LazCloud:
         # LAS colours have 16 bits.
         record.red, record.green, record.blue = (colours.astype(np.uint16) * 257).T
         record.deviation_m, record.element = deviation_m.astype(np.float32), element.astype(np.uint32)
-        self._file.write_points(record)
+        with self._said_as_others():
+            self._file.write_points(record)
 
     def close(self) -> None:
         """Finish the file."""
-        self._file.close()
+        with self._said_as_others():
+            self._file.close()
+
+    @contextmanager
+    def _said_as_others(self) -> Iterator[None]:
+        """Make an OSError of a full disk, as every other file does: lazrs has an error of its own for it."""
+        try:
+            yield
+        except self._refusal as error:
+            raise OSError(str(error)) from error

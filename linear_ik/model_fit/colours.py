@@ -16,7 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.atomic import written_whole
+from linear_ik.atomic import output_errors, written_whole
 from linear_ik.exports.coloured_cloud import CloudFile, LazCloud, PlyCloud, colours_of, laz_can_be_written
 from linear_ik.model_fit.fits import Fits
 from linear_ik.model_fit.handed_out import Listener, Pieces
@@ -57,7 +57,7 @@ def colour_scan(
     inputs: str,
     listener: Listener,
 ) -> Coloured:
-    """Write deviation.ply and deviation.laz, unless an earlier run did from the same inputs.
+    """Write deviation.ply and deviation.laz.
 
     Args:
         pieces: gives the scan, in the model's coordinates.
@@ -66,15 +66,17 @@ def colour_scan(
         options: of the run.
         inputs: fingerprint of what the files hang on.
         listener: told how many points are done.
+
+    Raises:
+        OutputError: they cannot be written.
+        ScanError: the scan cannot be read again.
     """
-    earlier = _earlier(folder, inputs)
-    if not fits.fitted_now and earlier is not None:
-        return earlier
     found = {i: r for i, r in enumerate(row.result for row in fits.rows) if r is not None and r.status != "not_scanned"}
     out = Coloured()
     if not found:
         for name in (PLY, LAZ):
-            (folder / name).unlink(missing_ok=True)
+            with output_errors(folder / name):
+                (folder / name).unlink(missing_ok=True)
         return out
     total = int(fits.extent.get("points", 0))
     comments = [
@@ -153,7 +155,7 @@ def _noise(result: FitResult) -> float:
     return result.range_noise_m if np.isfinite(result.range_noise_m) else 0.0
 
 
-def _earlier(folder: Path, inputs: str) -> Coloured | None:
+def coloured_before(folder: Path, inputs: str) -> Coloured | None:
     """Return what an earlier run wrote from the same inputs, or None."""
     try:
         report = json.loads((folder / "run.json").read_text(encoding="utf-8"))

@@ -14,13 +14,14 @@ import re
 import shutil
 from collections import Counter
 from collections.abc import Sequence
+from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
 from typing import Any, TextIO
 
-from linear_ik.atomic import write_atomically
+from linear_ik.atomic import output_errors, write_atomically
 from linear_ik.errors import LinearIkError, OutputError
-from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, with_short_history, write_result
+from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, result_to_json, with_short_history
 from linear_ik.readers.result_json import read_result
 from linear_ik.result import FitResult
 
@@ -69,7 +70,7 @@ class RunFolder:
         """
         self.path, self._stems = path, file_stems(guids)
         self.scratch = path / STATE / "points"
-        self._made = False
+        self._made: list[Path] = []
         self._lock: TextIO | None = None
 
     def make(self) -> None:
@@ -78,13 +79,24 @@ class RunFolder:
         Raises:
             OutputError: they cannot be made, or another run is at work there.
         """
-        made = not self.path.exists()
+        state = self.path / STATE
+        folders = (
+            *reversed(self.path.parents),
+            self.path,
+            self.path / "elements",
+            state,
+            state / "first",
+            state / "other",
+        )
+        self._made = [folder for folder in folders if not folder.exists()]
         try:
-            for folder in (self.path / "elements", self.path / STATE / "first", self.path / STATE / "other"):
-                folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (self.path / STATE / "lock").open("a")
-        except OSError as error:
-            raise OutputError(self.path, f"cannot be written: {error.strerror}", "a folder that can be made") from None
+            with output_errors(self.path):
+                for folder in self._made:
+                    folder.mkdir(exist_ok=True)
+                self._lock = (state / "lock").open("a")
+        except OutputError:
+            self.take_back()
+            raise
         try:
             fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
         except BlockingIOError:
@@ -93,7 +105,6 @@ class RunFolder:
             pass  # a network file system without locks
         else:
             self._sweep()
-        self._made = made
 
     def _sweep(self) -> None:
         """Remove what a run that was killed was writing; nobody else is, under the lock."""
@@ -114,7 +125,7 @@ class RunFolder:
         names = {self.element_path(guid).name for guid in guids}
         for path in sorted((self.path / "elements").glob("*.json")):
             if path.name not in names:
-                self._move(path, self.path / STATE / "other" / path.name)
+                _move(path, self.path / STATE / "other" / path.name)
 
     def bring_back(self, guid: str) -> None:
         """Put the result of an element that was set aside where it was.
@@ -123,13 +134,7 @@ class RunFolder:
             OutputError: it cannot be moved.
         """
         if self._other_path(guid).exists():
-            self._move(self._other_path(guid), self.element_path(guid))
-
-    def _move(self, path: Path, to: Path) -> None:
-        try:
-            os.replace(path, to)
-        except OSError as error:
-            raise OutputError(to, f"cannot be written: {error.strerror}", "a folder that is writable") from None
+            _move(self._other_path(guid), self.element_path(guid))
 
     def release(self) -> None:
         """Let other runs in."""
@@ -182,22 +187,24 @@ class RunFolder:
             OutputError: it cannot be written.
         """
         path, records = self.element_path(guid), self._records(guid)
-        if stage == "final" and path.exists():
-            # The contest starts from the first result when the run is repeated.
-            os.replace(path, self._first_path(guid))
-        elif stage == "first":
-            self._first_path(guid).unlink(missing_ok=True)
-            records = {}
-        write_result(with_short_history(result), path, {"guid": guid})
-        self._other_path(guid).unlink(missing_ok=True)
-        records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
-        write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+        with output_errors(path):
+            if stage == "final" and path.exists():
+                # The contest starts from the first result when the run is repeated.
+                os.replace(path, self._first_path(guid))
+            elif stage == "first":
+                self._first_path(guid).unlink(missing_ok=True)
+                records = {}
+            # What a power cut leaves of it is told by its hash.
+            write_atomically(path, result_to_json(with_short_history(result), {"guid": guid}), settle=False)
+            self._other_path(guid).unlink(missing_ok=True)
+            records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
+        self._note(guid, records)
 
     def unchanged(self, guid: str, inputs: str, facts: Facts) -> None:
         """Note that the contest left the first result as it is: it is final."""
         records = self._records(guid)
         records["final"] = {**records["first"], "inputs": inputs, "facts": facts}
-        write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+        self._note(guid, records)
 
     def back_to_first(self, guid: str) -> None:
         """Undo a contest of an earlier run: the first result is the element's again.
@@ -206,19 +213,25 @@ class RunFolder:
             OutputError: it cannot be moved.
         """
         path, records = self._first_path(guid), self._records(guid)
-        if path.exists():
-            if _sha256(path) == records.get("first", {}).get("sha256"):
-                self._move(path, self.element_path(guid))
-            else:
-                path.unlink()
+        with output_errors(path):
+            if path.exists():
+                if _sha256(path) == records.get("first", {}).get("sha256"):
+                    _move(path, self.element_path(guid))
+                else:
+                    path.unlink()
         if records.pop("final", None) is not None:
-            write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+            self._note(guid, records)
 
     def forget(self, guid: str) -> None:
-        """Remove what an earlier run left of an element that has failed now."""
+        """Remove what an earlier run left of an element that has failed now.
+
+        Raises:
+            OutputError: it cannot be removed.
+        """
         paths = (self._state_path(guid), self._first_path(guid), self._other_path(guid), self.element_path(guid))
         for path in paths:
-            path.unlink(missing_ok=True)
+            with output_errors(path):
+                path.unlink(missing_ok=True)
 
     def scan_extent(self, inputs: str) -> dict[str, Any]:
         """Return what an earlier run read of the same scan for the same elements; empty when it is not known."""
@@ -233,9 +246,14 @@ class RunFolder:
         write_atomically(self.path / STATE / "scan.extent", json.dumps({"inputs": inputs, "extent": extent}) + "\n")
 
     def new_scratch(self) -> Path:
-        """Return an empty folder for points."""
+        """Return an empty folder for points.
+
+        Raises:
+            OutputError: it cannot be made.
+        """
         shutil.rmtree(self.scratch, ignore_errors=True)
-        self.scratch.mkdir(parents=True)
+        with output_errors(self.scratch):
+            self.scratch.mkdir(parents=True)
         return self.scratch
 
     def clear_scratch(self) -> None:
@@ -250,8 +268,13 @@ class RunFolder:
     def take_back(self) -> None:
         """Leave nothing of a run that could not start."""
         self.clear_scratch()
-        if self._made:
-            shutil.rmtree(self.path, ignore_errors=True)
+        for folder in reversed(self._made):
+            if folder in self.path.parents:
+                # Somebody else may have put something there by now.
+                with suppress(OSError):
+                    folder.rmdir()
+            else:
+                shutil.rmtree(folder, ignore_errors=True)
 
     def _first_path(self, guid: str) -> Path:
         return self.path / STATE / "first" / f"{self._stems[guid]}.json"
@@ -261,6 +284,9 @@ class RunFolder:
 
     def _state_path(self, guid: str) -> Path:
         return self.path / STATE / f"{self._stems[guid]}.json"
+
+    def _note(self, guid: str, records: dict[str, Any]) -> None:
+        write_atomically(self._state_path(guid), json.dumps(records) + "\n", settle=False)
 
     def _records(self, guid: str) -> dict[str, Any]:
         try:
@@ -277,6 +303,11 @@ def light(result: FitResult) -> FitResult:
     """
     joint = result.configuration_covariance if result.element.segments <= MOST_WITH_COVARIANCE else None
     return with_short_history(replace(result, history=result.history[-1:], configuration_covariance=joint))
+
+
+def _move(path: Path, to: Path) -> None:
+    with output_errors(to):
+        os.replace(path, to)
 
 
 def _sha256(path: Path) -> str:

@@ -26,6 +26,8 @@ Listener = Callable[[str, int, int, float], object]
 Pieces = Callable[[Array], Iterable[Scan]]
 """Gives the scan in the model's coordinates; what is in none of some boxes [B][2][3] may be left out."""
 
+FIGURES = ("points", "in_a_neighbourhood", "low_m", "high_m", "left_out", "elements_with_mixed_stations")
+
 
 @dataclass(frozen=True, eq=False)
 class HandedOut:
@@ -47,7 +49,10 @@ class HandedOut:
         return self.spill.received
 
     def of(self, i: int) -> tuple[Array, Array | None, npt.NDArray[np.int32] | None]:
-        """Return the points [P][3] of an element, the stations [S][3] and which saw each point [P], or None."""
+        """Return the points [P][3] of an element, the stations [S][3] and which saw each point [P], or None.
+
+        One point of an unknown station is enough for None: what is seen from where is asked of every point.
+        """
         records = self.spill.load(i)
         points, station = np.ascontiguousarray(records["xyz"]), records["station"].astype(np.int32)
         stations = self.stations if len(points) and self.stations is not None and station.min() >= 0 else None
@@ -76,9 +81,10 @@ def hand_out_once(
     """
     note = folder.scratch / "complete.json"
     memory_bytes = int(options.memory_mb * 2**20 / 2)
-    done = _earlier(note, inputs, elements)
+    spill = Spill(folder.scratch, elements, options.max_points, memory_bytes)
+    done = _earlier(note, inputs, spill)
     if done is None:
-        spill = Spill(folder.new_scratch(), elements, options.max_points, memory_bytes)
+        folder.new_scratch()
         near = pieces(neighbourhoods.bounds_m)
         extent = hand_out(
             near, neighbourhoods, spill, lambda points: listener("handing out points", points, 0, math.nan)
@@ -86,6 +92,7 @@ def hand_out_once(
         done = {
             "inputs": inputs,
             "received": spill.received.tolist(),
+            "bytes": spill.settle(),
             "stations": extent.stations,
             "extent": {
                 "points": extent.points,
@@ -93,24 +100,29 @@ def hand_out_once(
                 "low_m": extent.low_m.tolist(),
                 "high_m": extent.high_m.tolist(),
                 "left_out": extent.left_out,
+                "elements_with_mixed_stations": extent.mixed,
             },
         }
         write_atomically(note, json.dumps(done) + "\n")
     else:
-        spill = Spill(folder.scratch, elements, options.max_points, memory_bytes)
         spill.received[:] = done["received"]
     return HandedOut(spill, np.array(done["stations"]) if done["stations"] else None, done["extent"])
 
 
-def _earlier(note: Path, inputs: str, elements: int) -> dict[str, Any] | None:
-    """Return what an earlier run noted of the same inputs, or None; what has another shape was noted by none."""
+def _earlier(note: Path, inputs: str, spill: Spill) -> dict[str, Any] | None:
+    """Return what an earlier run noted of the same inputs, or None.
+
+    What has another shape was noted by none, and points of which some are gone are not those.
+    """
     try:
         done = json.loads(note.read_text(encoding="utf-8"))
-        if done["inputs"] != inputs or np.array(done["received"], dtype=np.int64).shape != (elements,):
+        if done["inputs"] != inputs or np.array(done["received"], dtype=np.int64).shape != spill.received.shape:
+            return None
+        if done["bytes"] != spill.file_bytes():
             return None
         if done["stations"] and np.array(done["stations"], dtype=np.float64).shape[1:] != (3,):
             return None
-        figures = {key: done["extent"][key] for key in ("points", "in_a_neighbourhood", "low_m", "high_m", "left_out")}
+        figures = {key: done["extent"][key] for key in FIGURES}
     except (OSError, ValueError, KeyError, TypeError, OverflowError):
         return None
     return {**done, "extent": figures}

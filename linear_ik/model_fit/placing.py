@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-from collections.abc import Iterable, Iterator
 from pathlib import Path
 from typing import Any
 
@@ -13,13 +12,11 @@ from linear_ik.coordinates import UNITS, how_to_say
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.model_fit.options import ModelFitOptions
-from linear_ik.scan import Scan
 from linear_ik.site_check import SiteCheck
 
 Array = npt.NDArray[np.float64]
 
 NEAR_M = 1.0  # boxes of scan and design that come so near may belong together
-A_PIECE, MOST_PIECES = 2000, 200  # of a scan, what is looked at: points of a piece, and pieces
 
 
 def scan_to_model(model: DesignModel, options: ModelFitOptions) -> Array | None:
@@ -35,41 +32,24 @@ def scan_to_model(model: DesignModel, options: ModelFitOptions) -> Array | None:
     return np.asarray(np.linalg.inv(model.map_conversion.T_map_model))
 
 
-class Sample:
-    """Some points of a scan, taken while its pieces pass by."""
+def check_place(model: DesignModel, sample: Array, extent: dict[str, Any], scan: Path) -> None:
+    """Refuse a scan that is beyond doubt in other coordinates: its fits would take their time and find nothing.
 
-    def __init__(self) -> None:
-        """Start empty."""
-        self._parts: list[Array] = []
-        self._every = 1
+    Args:
+        model: the design.
+        sample: [P][3] some points of the scan; nothing is said where there are none.
+        extent: what was read of the scan.
+        scan: its file, for the error.
 
-    def of(self, pieces: Iterable[Scan]) -> Iterator[Scan]:
-        """Yield the pieces as they come."""
-        for i, piece in enumerate(pieces):
-            if i % self._every == 0:
-                self._parts.append(piece.points[:: max(1, len(piece) // A_PIECE)].copy())
-            # However large the scan: every second of them, from then on too.
-            if len(self._parts) > MOST_PIECES:
-                self._parts, self._every = self._parts[::2], 2 * self._every
-            yield piece
-
-    def check(self, model: DesignModel, extent: dict[str, Any], scan: Path) -> None:
-        """Refuse a scan that is beyond doubt in other coordinates: its fits would take their time and find nothing.
-
-        Args:
-            model: the design.
-            extent: what was read of the scan.
-            scan: its file, for the error.
-
-        Raises:
-            LinearIkError: another unit or other axes, as `SiteCheck` sees it.
-        """
-        if not self._parts:
-            return
-        near = extent["in_a_neighbourhood"] / max(extent["points"], 1)
-        sentence = SiteCheck(model).sure_change(np.concatenate(self._parts), near)
-        if sentence:
-            raise LinearIkError(scan, sentence, "the model's coordinates; --scan-unit m takes it as it is")
+    Raises:
+        LinearIkError: another unit or other axes, as `SiteCheck` sees it.
+    """
+    if not len(sample):
+        return
+    near = extent["in_a_neighbourhood"] / max(extent["points"], 1)
+    sentence = SiteCheck(model).sure_change(sample, near)
+    if sentence:
+        raise LinearIkError(scan, sentence, "the model's coordinates; --scan-unit m takes it as it is")
 
 
 def why_nothing(model: DesignModel, scan_box_m: Array) -> str:

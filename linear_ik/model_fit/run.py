@@ -15,20 +15,21 @@ import numpy.typing as npt
 
 from linear_ik.atomic import same_file, write_atomically
 from linear_ik.design_model import DesignModel
-from linear_ik.errors import LinearIkError, OutputError
+from linear_ik.errors import LinearIkError, OutputError, ScanError
 from linear_ik.exports.result_json import versions
-from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
+from linear_ik.model_fit.colours import LAZ, PLY, Coloured, colour_scan, coloured_before
 from linear_ik.model_fit.fits import Fits, Row
-from linear_ik.model_fit.folder import RunFolder, fingerprint
+from linear_ik.model_fit.folder import Facts, RunFolder, fingerprint
 from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
-from linear_ik.model_fit.placing import Sample, scan_to_model, why_nothing
+from linear_ik.model_fit.placing import check_place, scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
 from linear_ik.scan import Scan, no_points
+from linear_ik.scan_sample import ScanSample
 from linear_ik.settings import FitSettings
 from linear_ik.site.handout import boxes_back, moved
 
@@ -101,6 +102,7 @@ def fit_model(
         within = boxes_back(near, T)
         for path in paths:
             yield from moved(iter_scan(path, chunk, within, options.scan_unit), T)
+            check_unchanged(paths, scans)
 
     design_path = None if isinstance(design, DesignModel) else Path(design)
     _keep_inputs(Path(output_folder), paths if design_path is None else [design_path, *paths])
@@ -108,6 +110,7 @@ def fit_model(
     check_ours(Path(output_folder), source, design_path, OUTPUTS, options.overwrite)
     for path in paths:
         iter_scan(path, chunk)  # says at once what can be seen from outside
+    scans = scan_inputs(paths, options.scan_unit)
     listener("reading the design", 0, 0, float("nan"))
     model = design if isinstance(design, DesignModel) else _read_design(Path(design), listener)
     T = scan_to_model(model, options)
@@ -117,7 +120,7 @@ def fit_model(
     clock = _Clock()
     try:
         folder.make()
-        fits = Fits(members, obstacles, settings, options, folder, scan_inputs(paths, options.scan_unit), T)
+        fits = Fits(members, obstacles, settings, options, folder, scans, T)
         # Who has said how the scan lies, or in what unit it is, is believed.
         doubted = paths[0] if T is None and options.scan_unit is None else None
         points = _hand_out(fits, folder, model, pieces, doubted, listener)
@@ -129,17 +132,12 @@ def fit_model(
         fits.contest(points, pool, listener)
         clock.lap("contest")
         pool.close()
-        found, report = _write(fits, model, design_path, pieces, listener)
-        clock.lap("files")
-        report |= {
+        about: Facts = {
             "scans": [path.name for path in paths],
             "coordinates": "the model's; " + ("as the scan's" if T is None else "T_model_scan was used"),
             "T_model_scan": (np.eye(4) if T is None else T).tolist(),
-            "timings_s": clock.timings_s(),
         }
-        write_atomically(folder.path / REPORT, json.dumps(report, indent=1, default=list) + "\n")
-        folder.clear_scratch()
-        return found
+        return _write(fits, model, design_path, pieces, about, clock, listener)
     finally:
         pool.close()
         folder.release()
@@ -163,7 +161,7 @@ class _Clock:
 
     def lap(self, name: str) -> None:
         now = time.perf_counter()
-        self._laps[name], self._last = now - self._last, now
+        self._laps[name], self._last = self._laps.get(name, 0.0) + now - self._last, now
 
     def timings_s(self) -> dict[str, float]:
         return {**self._laps, "total": time.perf_counter() - self._began}
@@ -176,11 +174,11 @@ def _hand_out(
 
     A ``doubted`` scan, by its file, is refused where it is beyond doubt in other coordinates than the model.
     """
-    sample = Sample()
+    sample = ScanSample()
     try:
         points = fits.prepare(lambda near: sample.of(pieces(near)), listener)
         if doubted is not None:
-            sample.check(model, fits.extent, doubted)
+            check_place(model, sample.points, fits.extent, doubted)
         return points
     except LinearIkError:
         folder.take_back()
@@ -191,20 +189,22 @@ def _hand_out(
 
 
 def _write(
-    fits: Fits, model: DesignModel, design: Path | None, pieces: Pieces, listener: Listener
-) -> tuple[ModelFit, dict[str, object]]:
-    """Write the files that are about all elements; return what was found, and what run.json says of it."""
+    fits: Fits, model: DesignModel, design: Path | None, pieces: Pieces, about: Facts, clock: _Clock, listener: Listener
+) -> ModelFit:
+    """Write the files that are about all elements; return what was found.
+
+    The clouds come last, when the points that waited are gone: where they fill the disk, all else is there.
+    """
     folder, options, rows = fits.folder.path, fits.options, fits.rows
-    files, notes = [TABLE], list(model.notes)
+    files, notes = [], list(model.notes)
     if fits.extent and not fits.extent["in_a_neighbourhood"]:
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
     if fits.extent.get("left_out"):
         notes.append(f"left out of the scan: {no_points(fits.extent['left_out'])}")
+    if mixed := fits.extent.get("elements_with_mixed_stations"):
+        some = f"{mixed} elements have" if mixed > 1 else "1 element has"
+        notes.append(f"{some} points of unknown stations among others: there no station was used")
     write_table(rows, folder / TABLE)
-    shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
-    coloured = colour_scan(pieces, fits, folder, options, fingerprint(fits.inputs, options.legend_m, shapes), listener)
-    files += coloured.files
-    notes += coloured.notes
     if design is not None:
         listener("writing asbuilt.ifc", 0, 0, float("nan"))
         from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
@@ -216,22 +216,38 @@ def _write(
         write_asbuilt_ifc(design, fits.results, folder / ASBUILT, remarks=remarks, on_left=on_left)
         files.append(ASBUILT)
     counts = dict(Counter(row.status for row in rows))
-    report: dict[str, object] = {
-        "schema": SCHEMA,
-        "design": model.source,
-        "counts": {"elements": len(rows), **counts},
-        "left_out": [asdict(left) for left in model.left_out],
-        "notes": notes,
-        "settings": asdict(fits.settings),
-        "options": {
-            k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler", "overwrite")
-        },
-        "deviation": coloured.legend,
-        "scan_points": fits.extent,
-        "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": len(fits.fitted_now)},
-        "versions": versions(),
-    }
-    return ModelFit(tuple(rows), folder, counts, (*files, REPORT), tuple(notes)), report
+
+    def report(coloured: Coloured) -> None:
+        clock.lap("files")
+        facts: Facts = {
+            "schema": SCHEMA,
+            "design": model.source,
+            "counts": {"elements": len(rows), **counts},
+            "left_out": [asdict(left) for left in model.left_out],
+            "notes": [*notes, *coloured.notes],
+            "settings": asdict(fits.settings),
+            "options": {
+                k: v for k, v in vars(options).items() if k not in ("T_model_scan", "workers", "scheduler", "overwrite")
+            },
+            "deviation": coloured.legend,
+            "scan_points": fits.extent,
+            "where": {"workers": options.workers, "scheduler": options.scheduler, "fitted_now": len(fits.fitted_now)},
+            "versions": versions(),
+            **about,
+            "timings_s": clock.timings_s(),
+        }
+        write_atomically(folder / REPORT, json.dumps(facts, indent=1, default=list) + "\n")
+
+    shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
+    inputs = fingerprint(fits.inputs, options.legend_m, shapes)
+    coloured = None if fits.fitted_now else coloured_before(folder, inputs)
+    if coloured is None:
+        report(Coloured())
+        fits.folder.clear_scratch()
+        coloured = colour_scan(pieces, fits, folder, options, inputs, listener)
+    report(coloured)
+    fits.folder.clear_scratch()
+    return ModelFit(tuple(rows), folder, counts, (TABLE, *coloured.files, *files, REPORT), (*notes, *coloured.notes))
 
 
 def make_pool(options: ModelFitOptions, elements: int) -> Pool:
@@ -247,12 +263,30 @@ def make_pool(options: ModelFitOptions, elements: int) -> Pool:
 
 
 def scan_inputs(paths: Sequence[Path], unit: str | None) -> list[list[object]]:
-    """Return what tells whether scan files are still the same: place, size, time of change and unit."""
+    """Return what tells whether scan files are still the same: place, size, time of change and unit.
+
+    Raises:
+        ScanError: one is gone.
+    """
     out: list[list[object]] = []
     for path in paths:
-        stat = path.stat()
+        try:
+            stat = path.stat()
+        except OSError as error:
+            raise ScanError(path, f"cannot be read: {error.strerror}", "a readable file") from None
         out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit or "m"])
     return out
+
+
+def check_unchanged(paths: Sequence[Path], scans: list[list[object]]) -> None:
+    """Refuse scan files that are no longer those that ``scans``, from `scan_inputs`, were made of.
+
+    Raises:
+        ScanError: one is not.
+    """
+    for path, before in zip(paths, scans, strict=True):
+        if scan_inputs([path], str(before[-1])) != [before]:
+            raise ScanError(path, "it changed while it was read", "a file that nobody writes to; start again")
 
 
 def _read_design(path: Path, listener: Listener) -> DesignModel:

@@ -2,7 +2,8 @@
 
 laspy reads as many header records as the file claims, for hours if need be: their number is
 checked here first, and what lazrs will allocate in laz_chunks. No LAS file says where a
-scanner stood.
+scanner stood. What it withholds is not to be processed (LAS 1.4, classification flags), and
+noise has classes of its own: both are left out.
 """
 
 from __future__ import annotations
@@ -24,6 +25,7 @@ from linear_ik.readers.laz_chunks import check_chunks
 
 SMALLEST_HEADER_BYTES = {0: 227, 1: 227, 2: 227, 3: 235, 4: 375, 5: 393}
 RECORD_BYTES = 54
+NOISE = (7, 18)  # classes of low and of high points
 PARALLEL_CHUNK_POINTS = 1 << 20
 WHOLE = "a complete LAS or LAZ file"
 
@@ -63,7 +65,7 @@ def read(path: Path, chunk_points: int, within: Array | None = None) -> Iterator
     logging.getLogger("laspy").addHandler(logging.NullHandler())
     count = 0
     try:
-        fields = laspy.DecompressionSelection.base().decompress_z()
+        fields = laspy.DecompressionSelection.base().decompress_z().decompress_classification().decompress_flags()
         with laspy.open(path, read_evlrs=False, decompression_selection=fields) as file:
             scales, offsets = file.header.scales, file.header.offsets
             if not np.isfinite([scales, offsets]).all() or not scales.all():
@@ -78,7 +80,7 @@ def read(path: Path, chunk_points: int, within: Array | None = None) -> Iterator
                     slack = float(np.abs(scales).max())
                     runs = copc.runs_within(path, octree, header.start, chunks, within, slack, chunk_points)
                     for points in _decompressed(path, file.header, record, runs, fields):
-                        yield Chunk(np.column_stack([points.x, points.y, points.z]))
+                        yield _chunk(points)
                     return
                 file.laz_backend = laspy.LazBackend.LazrsParallel if parallel else laspy.LazBackend.Lazrs
             else:
@@ -87,7 +89,7 @@ def read(path: Path, chunk_points: int, within: Array | None = None) -> Iterator
                 check_end(path, header.points, header.point_bytes, rest)
             for points in file.chunk_iterator(chunk_points):
                 count += len(points)
-                yield Chunk(np.column_stack([points.x, points.y, points.z]))
+                yield _chunk(points)
     except ScanError:
         raise
     except BaseException as error:
@@ -97,6 +99,13 @@ def read(path: Path, chunk_points: int, within: Array | None = None) -> Iterator
         raise
     if count != header.points:
         raise ScanError(path, f"ends after {count} of {header.points} points", WHOLE)
+
+
+def _chunk(points: Any) -> Chunk:
+    """Return laspy's points; those that are withheld or noise are none."""
+    xyz = np.column_stack([points.x, points.y, points.z])
+    xyz[np.asarray(points.withheld, dtype=bool) | np.isin(points.classification, NOISE)] = np.nan
+    return Chunk(xyz)
 
 
 def _decompressed(path: Path, header: Any, record: bytes, runs: list[copc.Run], fields: Any) -> Iterator[Any]:

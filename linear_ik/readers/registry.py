@@ -20,7 +20,7 @@ from linear_ik.coordinates import metres_of
 from linear_ik.errors import ScanError, SettingsError
 from linear_ik.readers import e57, las, pcd, ply, ptx, xyz
 from linear_ik.readers.chunk import Array, Chunk, Reader
-from linear_ik.scan import Scan, merge
+from linear_ik.scan import Scan, Strays, merge
 
 READERS: dict[str, Reader] = {
     ".asc": xyz.read,
@@ -60,8 +60,9 @@ def read_scan(*paths: str | os.PathLike[str], unit: str | None = None) -> Scan:
             file that states another unit is refused. What is returned is in metres.
 
     Returns:
-        All finite points in metres, in the files' global coordinates; stations where every file
-        has them, normals likewise; ``left_out`` says how many points had no finite coordinates.
+        All points in metres, in the files' global coordinates; stations where every file has them,
+        normals likewise; ``left_out`` says how many had no finite coordinates up to 1e8 m, or were
+        withheld or noise as a LAS file says.
 
     Raises:
         ScanError: about the file that is missing, unknown, damaged, without points or in another unit, as it says.
@@ -142,7 +143,7 @@ def _near(path: Path) -> str:
 
 def _scans(path: Path, reader: Reader, chunk_points: int, unit: str) -> Iterator[Scan]:
     # One piece is kept back: points that are none may follow the last one that has any.
-    kept, left_out = None, 0
+    kept, left_out, strays = None, 0, Strays()
     try:
         for chunk in reader(path, chunk_points):
             if chunk.unit and chunk.unit != unit:
@@ -151,30 +152,32 @@ def _scans(path: Path, reader: Reader, chunk_points: int, unit: str) -> Iterator
                 raise ScanError(path, f"{what}: its numbers are in {chunk.unit}{meant}", f"--scan-unit {chunk.unit}")
             for first in range(0, len(chunk.points), chunk_points):
                 rows = slice(first, first + chunk_points)
-                scan = _scan(chunk, rows, metres_of(unit))
+                scan = _scan(chunk, rows, metres_of(unit), strays)
                 left_out += len(chunk.points[rows]) - (0 if scan is None else len(scan))
                 if scan is None:
                     continue
                 if kept is not None:
                     yield kept
                 kept, left_out = replace(scan, left_out=left_out) if left_out else scan, 0
+        strays.check()
     except OSError as error:
         raise ScanError(path, f"cannot be read: {error.strerror or error}", "a readable file") from error
     except ScanError as error:
         raise error if error.subject == str(path) else error.about(path) from None
     if kept is None:
-        raise ScanError(path, "no point with finite coordinates", "at least one")
+        marked = " that is neither withheld nor noise" if path.suffix.lower() in BY_BOUNDS else ""
+        raise ScanError(path, f"no point with finite coordinates{marked}", "at least one")
     yield replace(kept, left_out=kept.left_out + left_out) if left_out else kept
 
 
-def _scan(chunk: Chunk, rows: slice, unit_m: float) -> Scan | None:
-    """Return the finite points of some rows in metres, or None when there are none."""
-    points = chunk.points[rows]
-    keep = np.isfinite(points).all(axis=1)
+def _scan(chunk: Chunk, rows: slice, unit_m: float, strays: Strays) -> Scan | None:
+    """Return the points of some rows in metres, without those that are none, or None when none is left."""
+    # Times one is left out: it would cost a copy.
+    points = chunk.points[rows] if unit_m == 1.0 else chunk.points[rows] * unit_m
+    keep = strays.apart_from(points)
     if not keep.any():
         return None
-    # Times one is left out: it would cost a copy.
-    points = points[keep] if unit_m == 1.0 else points[keep] * unit_m
+    points = points[keep]
     has_station = chunk.station is not None
     return Scan(
         points=points,

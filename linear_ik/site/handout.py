@@ -26,7 +26,8 @@ class Extent:
         handed_out: how many of them are in a neighbourhood.
         low_m, high_m: [3] of all of them.
         stations: [S][3] rows, as they came.
-        left_out: points without finite coordinates.
+        left_out: points that are none, see `no_points`.
+        mixed: how many elements have points of known stations and points of unknown ones: of those no station is used.
     """
 
     points: int = 0
@@ -35,6 +36,7 @@ class Extent:
     high_m: Array = field(default_factory=lambda: np.full(3, -np.inf))
     stations: list[tuple[float, ...]] = field(default_factory=list)
     left_out: int = 0
+    mixed: int = 0
 
 
 def moved(pieces: Iterable[Scan], T_model_scan: Array | None) -> Iterator[Scan]:  # noqa: N803
@@ -52,10 +54,12 @@ def boxes_back(boxes_m: Array, T_model_scan: Array | None) -> Array:  # noqa: N8
     """Return upright boxes [B][2][3] in the scan's coordinates that hold those in the model's."""
     if T_model_scan is None:
         return boxes_m
-    R, t = T_model_scan[:3, :3], T_model_scan[:3, 3]
+    # That of a map carries the map's scale: its transpose is no inverse.
+    T_scan_model = np.linalg.inv(T_model_scan)
+    R, t = T_scan_model[:3, :3], T_scan_model[:3, 3]
     middle, half = boxes_m.mean(axis=1), (boxes_m[:, 1] - boxes_m[:, 0]) / 2
-    # Rows: R' v is v R, and a box turned is as large as its edges' shadows together.
-    centre, extent = (middle - t) @ R, half @ np.abs(R)
+    # A box turned is as large as its edges' shadows together.
+    centre, extent = middle @ R.T + t, half @ np.abs(R.T)
     return np.stack([centre - extent, centre + extent], axis=1)
 
 
@@ -74,6 +78,7 @@ def hand_out(
         on_piece: called with the number of points so far.
     """
     extent, rows = Extent(), dict[tuple[float, ...], int]()
+    seen = np.zeros((2, len(spill.received)), dtype=bool)  # from an unknown station, from a known one
     for piece in pieces:
         points = piece.points
         station = UNKNOWN
@@ -84,6 +89,7 @@ def hand_out(
         extent.low_m = np.minimum(extent.low_m, points.min(axis=0))
         extent.high_m = np.maximum(extent.high_m, points.max(axis=0))
         pairs = neighbourhoods.pairs(points)
+        seen[int(station != UNKNOWN), pairs.member] = True
         near = np.zeros(len(points), dtype=bool)
         near[pairs.row] = True
         extent.handed_out += int(near.sum())
@@ -94,5 +100,5 @@ def hand_out(
         if on_piece is not None:
             on_piece(extent.points)
     spill.flush()
-    extent.stations = list(rows)
+    extent.stations, extent.mixed = list(rows), int(seen.all(axis=0).sum())
     return extent

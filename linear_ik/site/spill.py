@@ -12,6 +12,7 @@ from pathlib import Path
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.atomic import flush_to_disk, output_errors
 from linear_ik.duplicates import point_keys
 from linear_ik.errors import OutputError
 from linear_ik.site.neighbourhood import STRETCHES
@@ -79,6 +80,23 @@ class Spill:
             except OSError as error:
                 raise OutputError(path, f"cannot be written: {error.strerror or error}", "room for points") from None
         self._waiting_bytes = 0
+
+    def settle(self) -> list[int]:
+        """Write what waits so that a power cut leaves it, and return `file_bytes`.
+
+        Raises:
+            OutputError: the disk is full, or the folder is gone.
+        """
+        self.flush()
+        for element in np.flatnonzero(self._on_disk):
+            with output_errors(self.path(int(element))):
+                flush_to_disk(self.path(int(element)))
+        return self.file_bytes()
+
+    def file_bytes(self) -> list[int]:
+        """Return how large each element's file is; 0 where there is none."""
+        paths = [self.path(element) for element in range(len(self.received))]
+        return [path.stat().st_size if path.exists() else 0 for path in paths]
 
     def load(self, element: int) -> Records:
         """Return an element's points, RECORDs, in an order that hangs on the points alone."""
