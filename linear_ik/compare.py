@@ -16,6 +16,7 @@ from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.movement import Movement, judge, movement, with_displacement
 from linear_ik.readers.result_json import read_result_with_guid
 from linear_ik.result import FitResult
+from linear_ik.run_files import ELEMENTS
 
 Array = npt.NDArray[np.float64]
 Correction = Literal["holm", "fdr", "none"]
@@ -129,7 +130,7 @@ def _results(source: Source, on_file: Callable[[Path], None] | None) -> dict[str
     path = Path(source)
     paths = [path]
     if path.is_dir():
-        paths = sorted((path / "elements").glob("*.json"))
+        paths = sorted((path / ELEMENTS).glob("*.json"))
         if not paths:
             raise CompareError(path, "holds no elements/*.json", "a folder that linear-ik fit wrote, or a result file")
     out: dict[str, FitResult] = {}

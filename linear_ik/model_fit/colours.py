@@ -22,6 +22,7 @@ from linear_ik.model_fit.fits import Fits
 from linear_ik.model_fit.handed_out import Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.result import FitResult
+from linear_ik.run_files import LAZ, PLY, REPORT
 from linear_ik.scan import Scan
 from linear_ik.site.body import Body
 from linear_ik.site.neighbourhood import Neighbourhoods
@@ -29,7 +30,6 @@ from linear_ik.site.neighbourhood import Neighbourhoods
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
-PLY, LAZ = "deviation.ply", "deviation.laz"
 ON_SURFACE_M = 0.008
 NOISES = 4.0
 
@@ -156,7 +156,7 @@ def _noise(result: FitResult) -> float:
 def _earlier(folder: Path, inputs: str) -> Coloured | None:
     """Return what an earlier run wrote from the same inputs, or None."""
     try:
-        report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
         legend = report["deviation"]
         if legend["inputs"] != inputs or not all((folder / name).is_file() for name in legend["files"]):
             return None

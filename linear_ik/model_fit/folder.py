@@ -23,9 +23,9 @@ from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, with_short_history, write_result
 from linear_ik.readers.result_json import read_result
 from linear_ik.result import FitResult
+from linear_ik.run_files import ELEMENTS, STATE
 
 SAFE = re.compile(r"[0-9A-Za-z_$-]{1,64}\Z")
-STATE = "run_state"
 STAGES = ("first", "final")
 Facts = dict[str, Any]
 
@@ -58,6 +58,7 @@ class RunFolder:
     Attributes:
         path: the folder.
         scratch: where points wait, gone when the run is complete.
+        handed_out_note: of the points there, written when all have been handed out.
     """
 
     def __init__(self, path: Path, guids: Sequence[str]) -> None:
@@ -69,6 +70,7 @@ class RunFolder:
         """
         self.path, self._stems = path, file_stems(guids)
         self.scratch = path / STATE / "points"
+        self.handed_out_note = self.scratch / "complete.json"
         self._made = False
         self._lock: TextIO | None = None
 
@@ -80,7 +82,7 @@ class RunFolder:
         """
         made = not self.path.exists()
         try:
-            for folder in (self.path / "elements", self.path / STATE / "first", self.path / STATE / "other"):
+            for folder in (self.path / ELEMENTS, self.path / STATE / "first", self.path / STATE / "other"):
                 folder.mkdir(parents=True, exist_ok=True)
             self._lock = (self.path / STATE / "lock").open("a")
         except OSError as error:
@@ -98,7 +100,7 @@ class RunFolder:
     def _sweep(self) -> None:
         """Remove what a run that was killed was writing; nobody else is, under the lock."""
         state = self.path / STATE
-        for folder in (self.path, self.path / "elements", state, state / "first", state / "other"):
+        for folder in (self.path, self.path / ELEMENTS, state, state / "first", state / "other"):
             for path in folder.glob(".linear_ik-*"):
                 path.unlink(missing_ok=True)
 
@@ -112,7 +114,7 @@ class RunFolder:
             OutputError: they cannot be moved.
         """
         names = {self.element_path(guid).name for guid in guids}
-        for path in sorted((self.path / "elements").glob("*.json")):
+        for path in sorted((self.path / ELEMENTS).glob("*.json")):
             if path.name not in names:
                 self._move(path, self.path / STATE / "other" / path.name)
 
@@ -138,7 +140,7 @@ class RunFolder:
 
     def element_path(self, guid: str) -> Path:
         """Return where an element's result is."""
-        return self.path / "elements" / f"{self._stems[guid]}.json"
+        return self.path / ELEMENTS / f"{self._stems[guid]}.json"
 
     def known(self, guid: str, stage: str, inputs: str) -> tuple[FitResult, Facts] | None:
         """Return the result of an earlier run and its facts, or None where something has changed.
@@ -244,7 +246,7 @@ class RunFolder:
 
     def clear_part(self) -> None:
         """Remove the points unless all were handed out: then the next run need not read the scan again."""
-        if not (self.scratch / "complete.json").exists():
+        if not self.handed_out_note.exists():
             self.clear_scratch()
 
     def take_back(self) -> None:

@@ -74,7 +74,7 @@ def hand_out_once(
         options: of the run.
         listener: told how many points are done.
     """
-    note = folder.scratch / "complete.json"
+    note = folder.handed_out_note
     memory_bytes = int(options.memory_mb * 2**20 / 2)
     done = _earlier(note, inputs, elements)
     if done is None:

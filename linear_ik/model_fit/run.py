@@ -17,25 +17,24 @@ from linear_ik.atomic import same_file, write_atomically
 from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
-from linear_ik.model_fit.colours import LAZ, PLY, colour_scan
+from linear_ik.model_fit.colours import colour_scan
 from linear_ik.model_fit.fits import Fits, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
-from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
+from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import Sample, scan_to_model, why_nothing
 from linear_ik.model_fit.pool import InProcess, Pool, Processes
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
+from linear_ik.run_files import ASBUILT, OUTPUTS, REPORT, TABLE
 from linear_ik.scan import Scan, no_points
 from linear_ik.settings import FitSettings
 from linear_ik.site.handout import boxes_back, moved
 
 Array = npt.NDArray[np.float64]
 
-ASBUILT, TABLE = "asbuilt.ifc", "elements.csv"
-OUTPUTS = (ASBUILT, PLY, LAZ, TABLE, REPORT)
 BYTES_A_POINT = 400  # while a piece of the scan is handed out
 
 
