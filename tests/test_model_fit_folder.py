@@ -3,10 +3,11 @@
 from __future__ import annotations
 
 import json
+import shutil
 from dataclasses import replace
 
 import pytest
-from site_samples import ABSENT, only, site
+from site_samples import ABSENT, GUIDS, only, site
 
 from linear_ik.cli import main
 from linear_ik.errors import OutputError
@@ -92,6 +93,35 @@ def test_a_run_that_was_stopped_before_its_end_goes_on(built, tmp_path, monkeypa
     assert (tmp_path / "elements.csv").exists() and not (tmp_path / "run.json").exists()
     fit_model(built.design, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
     assert (tmp_path / "run.json").exists()
+
+
+def test_what_an_interrupted_run_leaves_is_not_taken_for_its_results(tmp_path, capsys):
+    """As found: the scan of 2026, into the folder of 2024, stopped after one element: "0 of 4 moved"."""
+    built = site(tmp_path)
+    pipes = only(built.design, *GUIDS[2:])
+    before, after = tmp_path / "2024", tmp_path / "2026"
+    fit_model(pipes, [built.scan], before, options=ModelFitOptions(**HERE))
+    shutil.copytree(before, after)
+    later = shutil.copy(built.scan, tmp_path / "later.ply")
+
+    def stop(stage, done, total, seconds):
+        if stage == "fitting" and done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_model(pipes, [later], after, options=ModelFitOptions(**HERE), on_progress=stop)
+    assert len(list((after / "elements").iterdir())) == 1, "none of the other scan"
+    for words in (["compare", before, after], ["report", after, "-o", tmp_path / "r.html"],
+                  ["report", after / "elements", "-o", tmp_path / "r.html"]):  # fmt: skip
+        assert main([str(word) for word in words]) == 2
+        out, err = capsys.readouterr()
+        assert not out and "the run in it was not finished (run linear-ik fit again: it goes on)" in err
+    # What waits beside it is no work to do again.
+    stages = set()
+    fit_model(pipes, [built.scan], after, options=ModelFitOptions(**HERE), on_progress=lambda *a: stages.add(a[0]))
+    assert "fitting" in stages and json.loads((after / "run.json").read_text())["where"]["fitted_now"] == 1
+    assert main(["compare", str(before), str(after)]) == 0
+    assert "0 of 2 moved" in capsys.readouterr().out
 
 
 def test_files_that_no_run_writes_are_let_be(built, tmp_path):

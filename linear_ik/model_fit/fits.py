@@ -139,8 +139,8 @@ class Fits:
         return points
 
     def take_over(self) -> None:
-        """Let the folder hold results of these members alone; those of others wait beside it for another run."""
-        self.folder.set_aside([member.guid for member in self.members])
+        """Let the folder hold results of these inputs alone; all others wait beside it for another run."""
+        self.folder.set_aside(list(self._results))
         for guid in self._results:
             self.folder.bring_back(guid)
 

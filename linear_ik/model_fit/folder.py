@@ -23,7 +23,7 @@ from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, with_short_history, write_result
 from linear_ik.readers.result_json import read_result
 from linear_ik.result import FitResult
-from linear_ik.run_files import ELEMENTS, STATE
+from linear_ik.run_files import ELEMENTS, STATE, UNFINISHED
 
 SAFE = re.compile(r"[0-9A-Za-z_$-]{1,64}\Z")
 STAGES = ("first", "final")
@@ -104,11 +104,24 @@ class RunFolder:
             for path in folder.glob(".linear_ik-*"):
                 path.unlink(missing_ok=True)
 
+    def begin(self) -> None:
+        """Note that results are about to change, for whoever reads the folder before `end`.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        write_atomically(self.path / STATE / UNFINISHED, "linear-ik fit goes on when it is started again\n")
+
+    def end(self) -> None:
+        """Take the note of `begin` away, and the points: the run is whole."""
+        self.clear_scratch()
+        (self.path / STATE / UNFINISHED).unlink(missing_ok=True)
+
     def set_aside(self, guids: Sequence[str]) -> None:
-        """Keep results of elements that are not of this run out of ``elements``: whoever reads it takes all there is.
+        """Keep all but some results out of ``elements``: whoever reads it takes all there is.
 
         Args:
-            guids: of the run's members.
+            guids: of the elements whose results stay.
 
         Raises:
             OutputError: they cannot be moved.

@@ -121,6 +121,7 @@ def fit_model(
         doubted = paths[0] if T is None and options.scan_unit is None else None
         points = _hand_out(fits, folder, model, pieces, doubted, listener)
         note_design(folder.path, model.source, design_path)
+        folder.begin()
         fits.take_over()
         clock.lap("hand_out")
         fits.first(points, pool, listener)
@@ -137,7 +138,7 @@ def fit_model(
             "timings_s": clock.timings_s(),
         }
         write_atomically(folder.path / REPORT, json.dumps(report, indent=1, default=list) + "\n")
-        folder.clear_scratch()
+        folder.end()
         return found
     finally:
         pool.close()

@@ -18,7 +18,7 @@ from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import LinearIkError, ToleranceError
 from linear_ik.readers.result_json import EXPECTED, ResultError, guid_of, result_from_mapping
 from linear_ik.result import FitResult
-from linear_ik.run_files import ELEMENTS, REPORT, TABLE
+from linear_ik.run_files import ELEMENTS, REPORT, TABLE, check_finished
 from linear_ik.tolerances import (
     IFC_CLASS,
     Accuracy,
@@ -110,6 +110,7 @@ def read_run(
 
     Raises:
         ResultError: no result there, one that cannot be read, or two of one element.
+        LinearIkError: a folder whose run was not finished.
         ToleranceError: conditions of an element that is not there.
     """
     known = conditions if isinstance(conditions, ConditionsOfEach) else ConditionsOfEach(conditions or Conditions())
@@ -199,6 +200,7 @@ def judged_member(
 def _results(source: Path) -> list[Path]:
     if not source.is_dir():
         return [source]
+    check_finished(source)
     folder = source / ELEMENTS if (source / ELEMENTS).is_dir() else source
     files = sorted(path for path in folder.glob("*.json") if path.name != REPORT)
     if not files:
