@@ -276,6 +276,43 @@ def test_one_bad_element_never_stops_the_rest(built, tmp_path, monkeypatch):
     assert again.counts == {"converged": 2}
 
 
+def test_a_contest_that_fails_leaves_the_first_fit_in_doubt(built, tmp_path, monkeypatch):
+    """And tries again when the run is repeated."""
+    from linear_ik.model_fit import tasks
+
+    real = tasks._run
+
+    def no_memory(task):
+        if task.first is not None and task.guid == GUIDS[2]:
+            raise MemoryError("of the second fit")
+        return real(task)
+
+    pipes, path = only(built.design, *GUIDS[2:]), tmp_path / "elements" / f"{GUIDS[2]}.json"
+    with monkeypatch.context() as patch:
+        patch.setattr(tasks, "_run", no_memory)
+        found = fit_model(pipes, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert found.counts == {"uncertain": 1, "converged": 1}
+    written, row = linear_ik.read_result(path), found.rows[0]
+    for result in (written, row.result):
+        assert (result.status, result.reason_codes) == ("uncertain", ("neighbours_not_settled",))
+        assert "MemoryError: of the second fit" in result.reasons[0]
+    assert written.configuration_covariance is not None
+    assert table(tmp_path)[GUIDS[2]]["reason_codes"] == "neighbours_not_settled"
+    stages = {}
+    found = fit_model(
+        pipes,
+        [built.scan],
+        tmp_path,
+        options=ModelFitOptions(**HERE),
+        on_progress=lambda stage, done, total, seconds: stages.update({stage: total}),
+    )
+    assert (stages.get("fitting"), stages["settling between neighbours"]) == (None, 1)
+    assert found.counts == {"converged": 2}
+    settled = linear_ik.read_result(path)
+    assert (settled.status, settled.reason_codes) == ("converged", ())
+    assert np.array_equal(settled.nodes_m, written.nodes_m)
+
+
 def test_a_scan_of_something_else_finds_nothing(built, tmp_path):
     model = only(built.design, ABSENT)
     found = fit_model(model, [built.scan], tmp_path, options=ModelFitOptions(**HERE))

@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -21,6 +22,8 @@ from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.pool import Pool
 from linear_ik.model_fit.tasks import Outcome, Task
 from linear_ik.result import FitResult
+from linear_ik.readers.result_json import read_result
+from linear_ik.reason import Reason
 from linear_ik.settings import FitSettings
 from linear_ik.site.contest import Claimant
 from linear_ik.site.neighbourhood import Neighbourhoods, boxes_of
@@ -191,8 +194,8 @@ class Fits:
             fp = inputs[self._index[guid]]
             facts = {**self._facts[guid], **outcome.facts}
             if outcome.failure:
-                self._failures[guid] = outcome.failure
-                self.folder.forget(guid)
+                doubted = self.folder.keep_unsettled(guid, _not_settled(outcome.failure))
+                finals[guid] = light(doubted), self._facts[guid]
             elif outcome.result is None:
                 self.folder.unchanged(guid, fp, facts)
                 finals[guid] = self._results[guid], facts
@@ -201,8 +204,6 @@ class Fits:
                 finals[guid] = light(outcome.result), facts
         for guid, (result, facts) in finals.items():
             self._results[guid], self._facts[guid] = result, facts
-        for guid in self._failures:
-            self._results.pop(guid, None)
 
     def _run(self, pool: Pool, tasks: Iterable[Task], count: int, stage: str, listener: Listener) -> Iterator[Outcome]:
         began, done = time.perf_counter(), 0
@@ -259,6 +260,30 @@ def _own_points(facts: Facts) -> int:
 
 
 def _reach_m(member: Member, options: ModelFitOptions) -> float:
+class _Files(Mapping[str, FitResult]):
+    """Results as they are in files, one in memory at a time."""
+
+    def __init__(self, paths: dict[str, Path]) -> None:
+        self._paths = paths
+
+    def __getitem__(self, guid: str) -> FitResult:
+        return read_result(self._paths[guid])
+
+    def __contains__(self, guid: object) -> bool:
+        return guid in self._paths
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+
+def _not_settled(failure: str) -> Reason:
+    sentence = f"points may be a neighbour's: settling with it failed ({failure}), and this is the fit to all of them"
+    return Reason("neighbours_not_settled", sentence)
+
+
     element = member.element
     loose = element.placement_tolerance.translation_m if element.start in ("free", "roller") else 0.0
     return options.reach_m + loose + element.length_tolerance_m

@@ -22,6 +22,7 @@ from linear_ik.atomic import write_atomically
 from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, with_short_history, write_result
 from linear_ik.readers.result_json import read_result
+from linear_ik.reason import Reason
 from linear_ik.result import FitResult
 from linear_ik.run_files import ELEMENTS, STATE, UNFINISHED
 
@@ -197,9 +198,8 @@ class RunFolder:
             OutputError: it cannot be written.
         """
         path, records = self.element_path(guid), self._records(guid)
-        if stage == "final" and path.exists():
-            # The contest starts from the first result when the run is repeated.
-            os.replace(path, self._first_path(guid))
+        if stage == "final":
+            self._put_first_aside(guid)
         elif stage == "first":
             self._first_path(guid).unlink(missing_ok=True)
             records = {}
@@ -207,6 +207,23 @@ class RunFolder:
         self._other_path(guid).unlink(missing_ok=True)
         records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
         write_atomically(self._state_path(guid), json.dumps(records) + "\n")
+
+    def keep_unsettled(self, guid: str, doubt: Reason) -> FitResult:
+        """Write and return the first result with a doubt, where the contest failed; it is not final.
+
+        Raises:
+            ResultError: the first result cannot be read.
+            OutputError: it cannot be written.
+        """
+        self._put_first_aside(guid)
+        result = read_result(self._first_path(guid)).with_reasons(doubt)
+        write_result(with_short_history(result), self.element_path(guid), {"guid": guid})
+        return result
+
+    def _put_first_aside(self, guid: str) -> None:
+        """Make room for another result; the contest starts from the first one when the run is repeated."""
+        if self.element_path(guid).exists():
+            self._move(self.element_path(guid), self._first_path(guid))
 
     def unchanged(self, guid: str, inputs: str, facts: Facts) -> None:
         """Note that the contest left the first result as it is: it is final."""
