@@ -212,3 +212,21 @@ def test_a_scheduler_that_is_not_there(built, tmp_path, monkeypatch):
         options = ModelFitOptions(scheduler="tcp://127.0.0.1:9")
         fit_model(built.design, [built.scan], tmp_path / "out", options=options)
     assert not (tmp_path / "out").exists()
+def test_a_cluster_without_workers_is_not_waited_for_for_ever(built, tmp_path, cluster, monkeypatch):
+    address, workers = cluster
+    monkeypatch.setattr("linear_ik.model_fit.cluster.LOOK_S", 0.1)
+    monkeypatch.setattr("linear_ik.model_fit.cluster.PATIENCE_S", 1.0)
+    said = set()
+
+    def on_progress(stage, done, total, seconds):
+        said.add(stage)
+        if stage == "fitting" and done == 1:
+            for worker in workers:
+                worker.kill()
+
+    with pytest.raises(LinearIkError, match=r"scheduler: .* no workers for \d+ s \(run again: what is fini"):
+        fit_model(built.design, [built.scan], tmp_path, None, ModelFitOptions(scheduler=address), on_progress)
+    assert f"waiting for workers: {address} has none" in said
+    assert finished_elements(tmp_path) >= 1
+
+

@@ -112,7 +112,7 @@ def fit_model(
     T = scan_to_model(model, options)
     members, obstacles = select(model, options)
     folder = RunFolder(Path(output_folder), [member.guid for member in model.members])
-    pool = make_pool(options, len(members))
+    pool = make_pool(options, len(members), listener)
     clock = _Clock()
     try:
         folder.make()
@@ -233,12 +233,12 @@ def _write(
     return ModelFit(tuple(rows), folder, counts, (*files, REPORT), tuple(notes)), report
 
 
-def make_pool(options: ModelFitOptions, elements: int) -> Pool:
+def make_pool(options: ModelFitOptions, elements: int, listener: Listener) -> Pool:
     """Return where the elements are fitted."""
     if options.scheduler is not None:
         from linear_ik.model_fit.cluster import Cluster
 
-        return Cluster(options.scheduler)
+        return Cluster(options.scheduler, lambda what: listener(what, 0, 0, float("nan")))
     if options.workers == 0:
         return InProcess()
     cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
