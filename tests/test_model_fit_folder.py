@@ -2,8 +2,12 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
 import shutil
+import socket
+import subprocess
 from dataclasses import replace
 
 import pytest
@@ -12,6 +16,8 @@ from site_samples import ABSENT, GUIDS, only, site
 from linear_ik.cli import main
 from linear_ik.errors import OutputError
 from linear_ik.model_fit import ModelFitOptions, fit_model
+from linear_ik.model_fit.folder import RunFolder
+from linear_ik.model_fit.lock import NO_LOCKS
 from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
 
 HERE = {"workers": 0}
@@ -122,6 +128,31 @@ def test_what_an_interrupted_run_leaves_is_not_taken_for_its_results(tmp_path, c
     assert "fitting" in stages and json.loads((after / "run.json").read_text())["where"]["fitted_now"] == 1
     assert main(["compare", str(before), str(after)]) == 0
     assert "0 of 2 moved" in capsys.readouterr().out
+
+
+def test_where_the_file_system_has_no_locks_a_file_keeps_other_runs_out(built, tmp_path, monkeypatch):
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", no_locks)
+    options, note = ModelFitOptions(**HERE), tmp_path / "run_state" / "lock.holder"
+    folder = RunFolder(tmp_path, [])
+    folder.make()
+    folder.new_scratch()
+    me = f"{socket.gethostname()} {os.getpid()}"
+    for holder in (me, "elsewhere 1"):
+        note.write_text(holder)
+        with pytest.raises(OutputError, match=rf"another run is at work in it .*: {holder}\) \(.* remove {note}\)"):
+            fit_model(built.design, [built.scan], tmp_path, options=options)
+        assert folder.scratch.exists() and note.read_text() == holder
+    folder.release()
+    assert not note.exists()
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    note.write_text(f"{socket.gethostname()} {gone.pid}")
+    found = fit_model(built.design, [built.scan], tmp_path, options=options)
+    assert NO_LOCKS in found.notes and NO_LOCKS in json.loads((tmp_path / "run.json").read_text())["notes"]
+    assert not note.exists()
 
 
 def test_files_that_no_run_writes_are_let_be(built, tmp_path):

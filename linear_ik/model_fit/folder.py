@@ -6,7 +6,6 @@ same: design, settings, what stands around it, the scan files and the versions.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -16,11 +15,12 @@ from collections import Counter
 from collections.abc import Sequence
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from linear_ik.atomic import write_atomically
 from linear_ik.errors import LinearIkError, OutputError
-from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, with_short_history, write_result
+from linear_ik.exports.result_json import with_short_history, write_result
+from linear_ik.model_fit.lock import FolderLock
 from linear_ik.readers.result_json import read_result
 from linear_ik.reason import Reason
 from linear_ik.result import FitResult
@@ -60,6 +60,7 @@ class RunFolder:
         path: the folder.
         scratch: where points wait, gone when the run is complete.
         handed_out_note: of the points there, written when all have been handed out.
+        notes: plain sentences on how other runs are kept out, where that is not as usual.
     """
 
     def __init__(self, path: Path, guids: Sequence[str]) -> None:
@@ -73,7 +74,8 @@ class RunFolder:
         self.scratch = path / STATE / "points"
         self.handed_out_note = self.scratch / "complete.json"
         self._made = False
-        self._lock: TextIO | None = None
+        self.notes: tuple[str, ...] = ()
+        self._lock = FolderLock(path / STATE)
 
     def make(self) -> None:
         """Make the folders, and keep other runs out of them until this process ends or calls `release`.
@@ -85,17 +87,10 @@ class RunFolder:
         try:
             for folder in (self.path / ELEMENTS, self.path / STATE / "first", self.path / STATE / "other"):
                 folder.mkdir(parents=True, exist_ok=True)
-            self._lock = (self.path / STATE / "lock").open("a")
+            self.notes = self._lock.take()
         except OSError as error:
             raise OutputError(self.path, f"cannot be written: {error.strerror}", "a folder that can be made") from None
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(self.path, "another run is at work in it", "another folder, or wait") from None
-        except OSError:
-            pass  # a network file system without locks
-        else:
-            self._sweep()
+        self._sweep()
         self._made = made
 
     def _sweep(self) -> None:
@@ -149,8 +144,7 @@ class RunFolder:
 
     def release(self) -> None:
         """Let other runs in."""
-        if self._lock is not None:
-            self._lock.close()
+        self._lock.release()
 
     def element_path(self, guid: str) -> Path:
         """Return where an element's result is."""

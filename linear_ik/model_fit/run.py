@@ -195,7 +195,7 @@ def _write(
 ) -> tuple[ModelFit, dict[str, object]]:
     """Write the files that are about all elements; return what was found, and what run.json says of it."""
     folder, options, rows = fits.folder.path, fits.options, fits.rows
-    files, notes = [TABLE], list(model.notes)
+    files, notes = [TABLE], [*model.notes, *fits.folder.notes]
     if fits.extent and not fits.extent["in_a_neighbourhood"]:
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
     if fits.extent.get("left_out"):
