@@ -450,6 +450,21 @@ def test_wrong_choices_name_the_right_ones(built, tmp_path):
     assert not folder.exists()
 
 
+def test_numbers_of_numpy_are_numbers(built, tmp_path):
+    options = ModelFitOptions(
+        workers=np.int64(0), max_points=np.int32(5000), segments=np.int64(4), reach_m=np.float32(0.25),
+        legend_m=np.float16(0.5), contest=np.True_,
+    )  # fmt: skip
+    settings = linear_ik.FitSettings(seed=np.int64(3), max_step_rad=np.float32(0.25))
+    fit_model(only(built.design, ABSENT), [built.scan], tmp_path, settings, options)
+    report = json.loads((tmp_path / "run.json").read_text())
+    chosen = [report["options"][name] for name in ("max_points", "segments", "reach_m", "legend_m", "contest")]
+    assert chosen == [5000, 4, 0.25, 0.5, True]
+    assert (report["settings"]["seed"], report["settings"]["max_step_rad"]) == (3, 0.25)
+    with pytest.raises(SettingsError, match=r"contest: 'no' \(True or False\)"):
+        ModelFitOptions(contest="no")
+
+
 @pytest.mark.parametrize(
     "wrong", [np.ones((4, 4)), np.eye(3), [[1]], "x", np.diag([2.0, 2, 2, 1]), np.full((4, 4), np.nan)]
 )
