@@ -21,9 +21,9 @@ from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces, hand_out
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.pool import Pool
 from linear_ik.model_fit.tasks import Outcome, Task
-from linear_ik.result import FitResult
 from linear_ik.readers.result_json import read_result
 from linear_ik.reason import Reason
+from linear_ik.result import FitResult
 from linear_ik.settings import FitSettings
 from linear_ik.site.contest import Claimant
 from linear_ik.site.neighbourhood import Neighbourhoods, boxes_of
@@ -40,7 +40,7 @@ class Row:
 
     Attributes:
         member: of the design.
-        result: None where the fit failed.
+        result: without history and joint covariance, which its file has; None where the fit failed.
         failure: why; else empty.
         facts: counts of its points.
         file: of the result, in the folder; where the fit failed there is none.
@@ -108,12 +108,17 @@ class Fits:
 
     @property
     def results(self) -> dict[str, FitResult]:
-        """By GlobalId, the results so far, each with its last iteration's record only."""
+        """By GlobalId, the results so far, without their histories and joint covariances (see `light`)."""
         return {m.guid: self._results[m.guid] for m in self.members if m.guid in self._results}
 
     @property
+    def whole(self) -> Mapping[str, FitResult]:
+        """By GlobalId, the results in the folder, each read when it is asked for."""
+        return _Files({guid: self.folder.element_path(guid) for guid in self.results})
+
+    @property
     def rows(self) -> list[Row]:
-        """One for each member."""
+        """One for each member, with light results."""
         return [
             Row(
                 m,
@@ -254,12 +259,6 @@ class Fits:
         return not all(self.folder.has(self.members[i].guid, "final", fp) for i, fp in inputs.items())
 
 
-def _own_points(facts: Facts) -> int:
-    """Return how many points an element was fitted to first."""
-    return int(facts["points"] - facts["on_obstacles"])
-
-
-def _reach_m(member: Member, options: ModelFitOptions) -> float:
 class _Files(Mapping[str, FitResult]):
     """Results as they are in files, one in memory at a time."""
 
@@ -284,6 +283,12 @@ def _not_settled(failure: str) -> Reason:
     return Reason("neighbours_not_settled", sentence)
 
 
+def _own_points(facts: Facts) -> int:
+    """Return how many points an element was fitted to first."""
+    return int(facts["points"] - facts["on_obstacles"])
+
+
+def _reach_m(member: Member, options: ModelFitOptions) -> float:
     element = member.element
     loose = element.placement_tolerance.translation_m if element.start in ("free", "roller") else 0.0
     return options.reach_m + loose + element.length_tolerance_m

@@ -15,6 +15,7 @@ from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.scan import Scan
 from linear_ik.site_check import SiteCheck
+from linear_ik.site_frames import CLEARLY
 
 Array = npt.NDArray[np.float64]
 
@@ -64,9 +65,10 @@ class Sample:
         Raises:
             LinearIkError: another unit or other axes, as `SiteCheck` sees it.
         """
-        if not self._parts:
-            return
         near = extent["in_a_neighbourhood"] / max(extent["points"], 1)
+        # Where so many points are in their place no change brings clearly more; and a check samples all the model.
+        if not self._parts or CLEARLY * near >= 1.0:
+            return
         sentence = SiteCheck(model).sure_change(np.concatenate(self._parts), near)
         if sentence:
             raise LinearIkError(scan, sentence, "the model's coordinates; --scan-unit m takes it as it is")

@@ -7,7 +7,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -200,7 +200,8 @@ def _write(
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
     if fits.extent.get("left_out"):
         notes.append(f"left out of the scan: {no_points(fits.extent['left_out'])}")
-    write_table(rows, folder / TABLE)
+    whole = fits.whole
+    write_table((replace(row, result=whole.get(row.member.guid)) for row in rows), folder / TABLE)
     shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
     coloured = colour_scan(pieces, fits, folder, options, fingerprint(fits.inputs, options.legend_m, shapes), listener)
     files += coloured.files
@@ -212,7 +213,7 @@ def _write(
         def on_left(guid: str, what: str) -> None:
             notes.append(f"{guid} is as designed in {ASBUILT}: {what}")
 
-        write_asbuilt_ifc(design, fits.results, folder / ASBUILT, on_left=on_left)
+        write_asbuilt_ifc(design, whole, folder / ASBUILT, on_left=on_left)
         files.append(ASBUILT)
     counts = dict(Counter(row.status for row in rows))
     report: dict[str, object] = {

@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -59,13 +59,17 @@ COLUMNS = (
 )
 
 
-def write_table(rows: Sequence[Row], path: Path) -> None:
+def write_table(rows: Iterable[Row], path: Path) -> None:
     """Write the table as CSV (RFC 4180, UTF-8).
 
     Offsets are across the designed axis, of the nodes; the shift along it stands apart, because
     surfaces hardly show it. ``length_m`` is the designed length; the measured one is empty unless
     the element has a ``length_tolerance_m`` and the scan tells its length. Bow, sag (downwards)
     and sweep (sideways) are offsets from the chord between the ends, see `deviation`.
+
+    Args:
+        rows: in the design's order, with whole results.
+        path: of the file.
 
     Raises:
         OutputError: it cannot be written.
