@@ -13,7 +13,7 @@ from collections.abc import Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import Pipe, get_context
+from multiprocessing import Pipe, get_context, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Protocol
 
@@ -143,23 +143,25 @@ class Processes:
 
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Let processes that are started now use one thread each, and leave Ctrl-C to this one from their first moment."""
+    """Let processes that are started now use one thread each, and leave Ctrl-C to this one from their first moment.
+
+    Here it waits until they are started.
+    """
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
-    # What is ignored here stays ignored there; handlers are for the main thread alone to set.
-    handler = None
-    if threading.current_thread() is threading.main_thread():
-        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The tracker, once it is started, lets Ctrl-C through again.
+    resource_tracker.ensure_running()
+    # What is blocked here is blocked there.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        if handler is not None:
-            signal.signal(signal.SIGINT, handler)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def prepare_worker(lifeline: Connection) -> None:
