@@ -30,6 +30,7 @@ from linear_ik.site.neighbourhood import Neighbourhoods
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
+NO_LAZ = f'{LAZ} was not written: it needs laspy and lazrs (pip install "linear_ik[scan]")'
 ON_SURFACE_M = 0.008
 NOISES = 4.0
 
@@ -91,7 +92,7 @@ def colour_scan(
             clouds.append(LazCloud(stack.enter_context(written_whole(folder / LAZ)), offset))
             out.files.append(LAZ)
         else:
-            out.notes.append(f'{LAZ} was not written: it needs laspy and lazrs (pip install "linear_ik[scan]")')
+            out.notes.append(NO_LAZ)
         for read, points, deviation, element in _belonging(
             pieces(fits.neighbourhoods.bounds_m), found, fits.neighbourhoods
         ):
@@ -160,7 +161,6 @@ def _earlier(folder: Path, inputs: str) -> Coloured | None:
         legend = report["deviation"]
         if legend["inputs"] != inputs or not all((folder / name).is_file() for name in legend["files"]):
             return None
-        notes = [note for note in report["notes"] if note.startswith("deviation.")]
-        return Coloured(list(legend["files"]), legend, notes)
+        return Coloured(list(legend["files"]), legend, [] if LAZ in legend["files"] else [NO_LAZ])
     except (OSError, ValueError, KeyError, TypeError):
         return None

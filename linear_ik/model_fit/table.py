@@ -111,12 +111,8 @@ def line(row: Row) -> dict[str, object]:
 
 def figures(result: FitResult) -> dict[str, float]:
     """Return the lengths in the table, in the units that their names say."""
-    element = result.element
-    T = element.placement.T_world_element
-    designed = element.design.nodes_m @ T[:3, :3].T + T[:3, 3]
-    tangents = T[:3, :3] @ element.design.rotations[:, :, 2].T
-    tangents = np.column_stack([tangents, tangents[:, -1]]).T
-    off = result.nodes_m - designed
+    off, tangents = result.moved_m, result.designed_directions
+    tangents = np.vstack([tangents, tangents[-1:]])
     along = np.einsum("ki,ki->k", off, tangents)
     across = off - along[:, None] * tangents
     size, band = np.linalg.norm(across, axis=1), band_along(across, result.nodes_covariance_m2)
