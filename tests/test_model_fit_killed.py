@@ -223,12 +223,14 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_files(built, undisturbed, 
 def test_a_cluster_without_workers_is_not_waited_for_for_ever(built, tmp_path, cluster, monkeypatch):
     address, workers = cluster
     monkeypatch.setattr("linear_ik.model_fit.cluster.LOOK_S", 0.1)
+    monkeypatch.setattr("linear_ik.model_fit.cluster.FETCH_S", 0.5)
     monkeypatch.setattr("linear_ik.model_fit.cluster.PATIENCE_S", 1.0)
     said = set()
 
     def on_progress(stage, done, total, seconds):
         said.add(stage)
         if stage == "fitting" and done == 1:
+            time.sleep(2)  # results that are done and not fetched die with them
             for worker in workers:
                 worker.kill()
 

@@ -16,6 +16,7 @@ from linear_ik.model_fit.tasks import Outcome, Task, run_task
 CONNECT_S = 20.0
 TASKS_A_THREAD = 2  # so that a worker never waits for the next
 POLL_S, LOOK_S = 0.05, 5.0  # between looks for outcomes, and for workers
+FETCH_S = 60.0  # for one result over the network, before a look whether its worker may be gone
 PATIENCE_S = 300.0  # without any worker: long enough to start some again
 KEPT = "run again: what is finished is kept"
 
@@ -55,6 +56,7 @@ class Cluster:
             self._client.close()
             raise ClusterError("scheduler", f"{address}: has no workers", f"dask worker {address}") from None
         self._address, self._on_wait = address, on_wait
+        self._seen = time.monotonic()  # when there were workers
 
     def run(self, tasks: Iterable[Task]) -> Iterator[Outcome]:
         """Yield the outcome of every task, in the order they end.
@@ -86,33 +88,49 @@ class Cluster:
 
     def _threads(self) -> int:
         try:
-            return int(sum(self._client.nthreads().values()))
+            threads = int(sum(self._client.nthreads().values()))
         except OSError as error:
             raise self._lost() from error
+        if threads:
+            self._seen = time.monotonic()
+        return threads
+
+    def _look(self) -> None:
+        """Look for workers: without any the scheduler would have us wait for ever."""
+        if self._threads():
+            return
+        alone_s = time.monotonic() - self._seen
+        if alone_s > PATIENCE_S:
+            raise ClusterError("scheduler", f"{self._address}: has had no workers for {alone_s:.0f} s", KEPT)
+        self._on_wait(f"waiting for workers: {self._address} has none")
 
     def _next(self, ended: Any) -> Any:
-        """Return the next future that ends; a scheduler without workers would never end one."""
-        looked = seen = time.monotonic()
+        """Return the next future that ends."""
+        looked = time.monotonic()
         while not ended.has_ready():
             time.sleep(POLL_S)
-            now = time.monotonic()
-            if now - looked < LOOK_S:
-                continue
-            looked = now
-            if self._threads():
-                seen = now
-            elif now - seen > PATIENCE_S:
-                raise ClusterError("scheduler", f"{self._address}: has had no workers for {now - seen:.0f} s", KEPT)
-            else:
-                self._on_wait(f"waiting for workers: {self._address} has none")
+            if time.monotonic() - looked > LOOK_S:
+                self._look()
+                looked = time.monotonic()
         return next(ended)
+
+    def _fetched(self, future: Any) -> Outcome:
+        """Return the result of a future that has ended; where its worker is gone another one makes it again."""
+        while True:
+            try:
+                outcome: Outcome = future.result(timeout=FETCH_S)
+                return outcome
+            except self._distributed.TimeoutError:
+                self._look()
 
     def _lost(self) -> ClusterError:
         return ClusterError("scheduler", f"{self._address}: the connection is lost", KEPT)
 
     def _outcome(self, future: Any, guid: str) -> Outcome:
         try:
-            outcome: Outcome = future.result()
+            return self._fetched(future)
+        except ClusterError:
+            raise
         except self._distributed.KilledWorker:
             return Outcome(guid, failure="every worker that tried it died (out of memory?)")
         except Exception as error:
@@ -121,4 +139,3 @@ class Cluster:
             return Outcome(guid, failure=f"{type(error).__name__}: {error}")
         finally:
             future.release()
-        return outcome
