@@ -169,6 +169,14 @@ def test_a_second_run_fits_nothing_again(built, done, tmp_path):
     assert contents(folder) == contents(done[1])
 
 
+def test_a_note_of_the_design_is_said_once_whatever_its_words(built, done, tmp_path):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    model = replace(built.design, notes=("deviation.dwg is not looked at",))
+    for _ in range(2):
+        found = fit_model(model, [built.scan], folder, options=ModelFitOptions(**HERE))
+        assert found.notes == model.notes
+
+
 @pytest.mark.parametrize("what", ["design", "settings", "scan", "max_points"])
 def test_what_has_changed_is_fitted_again(built, done, tmp_path, what):
     folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)

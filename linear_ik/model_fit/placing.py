@@ -65,9 +65,11 @@ class Sample:
         Raises:
             LinearIkError: another unit or other axes, as `SiteCheck` sees it.
         """
+        if not self._parts:
+            return
         near = extent["in_a_neighbourhood"] / max(extent["points"], 1)
         # Where so many points are in their place no change brings clearly more; and a check samples all the model.
-        if not self._parts or CLEARLY * near >= 1.0:
+        if CLEARLY * near >= 1.0:
             return
         sentence = SiteCheck(model).sure_change(np.concatenate(self._parts), near)
         if sentence:
