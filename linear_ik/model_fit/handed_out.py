@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -100,6 +100,15 @@ def hand_out_once(
         spill = Spill(folder.scratch, elements, options.max_points, memory_bytes)
         spill.received[:] = done["received"]
     return HandedOut(spill, np.array(done["stations"]) if done["stations"] else None, done["extent"])
+
+
+def scan_inputs(paths: Sequence[Path], unit: str | None) -> list[list[object]]:
+    """Return what tells whether scan files are still the same: place, size, time of change and unit."""
+    out: list[list[object]] = []
+    for path in paths:
+        stat = path.stat()
+        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit or "m"])
+    return out
 
 
 def _earlier(note: Path, inputs: str, elements: int) -> dict[str, Any] | None:

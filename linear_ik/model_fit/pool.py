@@ -9,7 +9,7 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
@@ -139,6 +139,25 @@ class Processes:
         lifeline, self._lifelines[slot] = self._lifelines[slot], None
         if lifeline is not None:
             lifeline.close()
+
+
+def make_pool(workers: int | None, scheduler: str | None, elements: int, on_wait: Callable[[str], object]) -> Pool:
+    """Return where the elements are fitted.
+
+    Args:
+        workers: processes; None for one a core, 0 for this one.
+        scheduler: address of a Dask scheduler, in place of ``workers``.
+        elements: how many there are.
+        on_wait: told, in words, while a scheduler has no workers.
+    """
+    if scheduler is not None:
+        from linear_ik.model_fit.cluster import Cluster
+
+        return Cluster(scheduler, on_wait)
+    if workers == 0:
+        return InProcess()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Processes(max(1, min(workers or cores, elements)))
 
 
 @contextmanager

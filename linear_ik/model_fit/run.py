@@ -20,11 +20,11 @@ from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import colour_scan
 from linear_ik.model_fit.fits import Fits, Row
 from linear_ik.model_fit.folder import RunFolder, fingerprint
-from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
+from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces, scan_inputs
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import Sample, scan_to_model, why_nothing
-from linear_ik.model_fit.pool import InProcess, Pool, Processes
+from linear_ik.model_fit.pool import make_pool
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
@@ -43,7 +43,7 @@ class ModelFit:
     """What a run found.
 
     Attributes:
-        rows: one for each element, in the design's order.
+        rows: one for each element, in the design's order; histories and joint covariances are in the files alone.
         folder: where the files are.
         counts: how many elements there are of each status.
         files: names of the files in the folder beside ``elements``.
@@ -112,7 +112,7 @@ def fit_model(
     T = scan_to_model(model, options)
     members, obstacles = select(model, options)
     folder = RunFolder(Path(output_folder), [member.guid for member in model.members])
-    pool = make_pool(options, len(members), listener)
+    pool = make_pool(options.workers, options.scheduler, len(members), lambda what: listener(what, 0, 0, float("nan")))
     clock = _Clock()
     try:
         folder.make()
@@ -232,27 +232,6 @@ def _write(
         "versions": versions(),
     }
     return ModelFit(tuple(rows), folder, counts, (*files, REPORT), tuple(notes)), report
-
-
-def make_pool(options: ModelFitOptions, elements: int, listener: Listener) -> Pool:
-    """Return where the elements are fitted."""
-    if options.scheduler is not None:
-        from linear_ik.model_fit.cluster import Cluster
-
-        return Cluster(options.scheduler, lambda what: listener(what, 0, 0, float("nan")))
-    if options.workers == 0:
-        return InProcess()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Processes(max(1, min(options.workers or cores, elements)))
-
-
-def scan_inputs(paths: Sequence[Path], unit: str | None) -> list[list[object]]:
-    """Return what tells whether scan files are still the same: place, size, time of change and unit."""
-    out: list[list[object]] = []
-    for path in paths:
-        stat = path.stat()
-        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit or "m"])
-    return out
 
 
 def _read_design(path: Path, listener: Listener) -> DesignModel:
