@@ -16,6 +16,7 @@ from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.movement import Movement, judge, movement, with_displacement
 from linear_ik.readers.result_json import read_result_with_guid
 from linear_ik.result import FitResult
+from linear_ik.run_files import ELEMENTS, check_finished
 
 Array = npt.NDArray[np.float64]
 Correction = Literal["holm", "fdr", "none"]
@@ -74,6 +75,7 @@ def compare(
 
     Raises:
         CompareError: a folder without results, or with two of one element; no element in common.
+        LinearIkError: a folder whose run was not finished.
         ResultError: a file that is no result.
         SettingsError: a level or length out of its range, too few elements for their common shift.
     """
@@ -129,7 +131,8 @@ def _results(source: Source, on_file: Callable[[Path], None] | None) -> dict[str
     path = Path(source)
     paths = [path]
     if path.is_dir():
-        paths = sorted((path / "elements").glob("*.json"))
+        check_finished(path)
+        paths = sorted((path / ELEMENTS).glob("*.json"))
         if not paths:
             raise CompareError(path, "holds no elements/*.json", "a folder that linear-ik fit wrote, or a result file")
     out: dict[str, FitResult] = {}

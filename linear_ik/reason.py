@@ -48,6 +48,7 @@ ReasonCode = Literal[
     "longer_than_allowed",
     "end_beside",
     "without_effect",
+    "neighbours_not_settled",
 ]
 
 # What the reader should know, and no doubt: the same section out of its nominal size, points that were left out.

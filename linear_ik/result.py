@@ -166,6 +166,17 @@ class FitResult:
         return self.element if self.length_m is None else self.element.with_length(self.length_m)
 
     @property
+    def moved_m(self) -> Array:
+        """From each node's designed place to where it is [N+1][3], in the scan's coordinates."""
+        T = self.element.placement.T_world_element
+        return np.asarray(self.nodes_m - (self.element.design.nodes_m @ T[:3, :3].T + T[:3, 3]))
+
+    @property
+    def designed_directions(self) -> Array:
+        """Unit vectors along the segments as designed [N][3], in the scan's coordinates."""
+        return np.asarray(self.element.design.rotations[:, :, 2] @ self.element.placement.T_world_element[:3, :3].T)
+
+    @property
     def length_spread_m(self) -> float:
         """Standard deviation of the length of the chain: as measured, as its tolerance leaves it, or 0 where known."""
         if self.length_sd_m is not None:

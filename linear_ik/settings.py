@@ -72,7 +72,7 @@ class FitSettings:
     seed: int = 0
 
     def __post_init__(self) -> None:
-        """Check every field."""
+        """Check every field; numbers of NumPy become Python's, which JSON knows."""
         if self.method not in get_args(Method):
             raise SettingsError("method", f"{self.method!r}", "one of " + ", ".join(get_args(Method)))
         for name, low, high in (
@@ -90,6 +90,8 @@ class FitSettings:
                 continue
             if isinstance(value, bool) or not isinstance(value, Real) or not low <= float(value) <= high:
                 raise SettingsError(name, f"{value!r}", f"a number from {low:g} to {high:g}")
+            if not isinstance(value, Integral):
+                object.__setattr__(self, name, float(value))
         for name in ("max_iterations", "seed"):
             if not isinstance(getattr(self, name), Integral):
                 raise SettingsError(name, f"{getattr(self, name)!r}", "a whole number")

@@ -95,6 +95,19 @@ def test_a_design_of_the_same_name_elsewhere_is_refused(frame, fitted, tmp_path,
     assert f"is of a run with {(folder / 'design.ifc').resolve()}, and would be replaced" in capsys.readouterr().err
 
 
+def test_a_second_run_in_the_same_folder_is_refused_with_one_line(frame, fitted, capsys):
+    from linear_ik.model_fit.folder import RunFolder
+
+    _, folder = frame
+    first = RunFolder(fitted[1], [])
+    first.make()
+    try:
+        assert main(["fit", f"{folder}/design.ifc", f"{folder}/site.laz", "-o", f"{fitted[1]}", "--workers", "0"]) == 2
+    finally:
+        first.release()
+    assert capsys.readouterr() == ("", f"error: {fitted[1]}: another run is at work in it (another folder, or wait)\n")
+
+
 def test_the_person_is_told_what_was_found(fitted):
     lines = fitted[0].stderr.splitlines()
     assert lines[-2].startswith("elements   ")

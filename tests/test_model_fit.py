@@ -170,6 +170,14 @@ def test_a_second_run_fits_nothing_again(built, done, tmp_path):
     assert contents(folder) == contents(done[1])
 
 
+def test_a_note_of_the_design_is_said_once_whatever_its_words(built, done, tmp_path):
+    folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
+    model = replace(built.design, notes=("deviation.dwg is not looked at",))
+    for _ in range(2):
+        found = fit_model(model, [built.scan], folder, options=ModelFitOptions(**HERE))
+        assert found.notes == model.notes
+
+
 @pytest.mark.parametrize("what", ["design", "settings", "scan", "max_points"])
 def test_what_has_changed_is_fitted_again(built, done, tmp_path, what):
     folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
@@ -275,6 +283,43 @@ def test_one_bad_element_never_stops_the_rest(built, tmp_path, monkeypatch):
     monkeypatch.undo()
     again = fit_model(model, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
     assert again.counts == {"converged": 2}
+
+
+def test_a_contest_that_fails_leaves_the_first_fit_in_doubt(built, tmp_path, monkeypatch):
+    """And tries again when the run is repeated."""
+    from linear_ik.model_fit import tasks
+
+    real = tasks._run
+
+    def no_memory(task):
+        if task.first is not None and task.guid == GUIDS[2]:
+            raise MemoryError("of the second fit")
+        return real(task)
+
+    pipes, path = only(built.design, *GUIDS[2:]), tmp_path / "elements" / f"{GUIDS[2]}.json"
+    with monkeypatch.context() as patch:
+        patch.setattr(tasks, "_run", no_memory)
+        found = fit_model(pipes, [built.scan], tmp_path, options=ModelFitOptions(**HERE))
+    assert found.counts == {"uncertain": 1, "converged": 1}
+    written, row = linear_ik.read_result(path), found.rows[0]
+    for result in (written, row.result):
+        assert (result.status, result.reason_codes) == ("uncertain", ("neighbours_not_settled",))
+        assert "MemoryError: of the second fit" in result.reasons[0]
+    assert written.configuration_covariance is not None
+    assert table(tmp_path)[GUIDS[2]]["reason_codes"] == "neighbours_not_settled"
+    stages = {}
+    found = fit_model(
+        pipes,
+        [built.scan],
+        tmp_path,
+        options=ModelFitOptions(**HERE),
+        on_progress=lambda stage, done, total, seconds: stages.update({stage: total}),
+    )
+    assert (stages.get("fitting"), stages["settling between neighbours"]) == (None, 1)
+    assert found.counts == {"converged": 2}
+    settled = linear_ik.read_result(path)
+    assert (settled.status, settled.reason_codes) == ("converged", ())
+    assert np.array_equal(settled.nodes_m, written.nodes_m)
 
 
 def test_a_scan_of_something_else_finds_nothing(built, tmp_path):
@@ -437,6 +482,21 @@ def test_wrong_choices_name_the_right_ones(built, tmp_path):
     assert not folder.exists()
 
 
+def test_numbers_of_numpy_are_numbers(built, tmp_path):
+    options = ModelFitOptions(
+        workers=np.int64(0), max_points=np.int32(5000), segments=np.int64(4), reach_m=np.float32(0.25),
+        legend_m=np.float16(0.5), contest=np.True_,
+    )  # fmt: skip
+    settings = linear_ik.FitSettings(seed=np.int64(3), max_step_rad=np.float32(0.25))
+    fit_model(only(built.design, ABSENT), [built.scan], tmp_path, settings, options)
+    report = json.loads((tmp_path / "run.json").read_text())
+    chosen = [report["options"][name] for name in ("max_points", "segments", "reach_m", "legend_m", "contest")]
+    assert chosen == [5000, 4, 0.25, 0.5, True]
+    assert (report["settings"]["seed"], report["settings"]["max_step_rad"]) == (3, 0.25)
+    with pytest.raises(SettingsError, match=r"contest: 'no' \(True or False\)"):
+        ModelFitOptions(contest="no")
+
+
 @pytest.mark.parametrize(
     "wrong", [np.ones((4, 4)), np.eye(3), [[1]], "x", np.diag([2.0, 2, 2, 1]), np.full((4, 4), np.nan)]
 )
@@ -534,6 +594,24 @@ def test_a_scan_that_is_surely_in_other_coordinates_is_refused_before_the_fits(
         fit_model(built.design, [built.scan], tmp_path / "run", options=ModelFitOptions(**HERE))
 
 
+def test_a_scan_that_is_clearly_in_its_place_is_not_looked_at_again(built, monkeypatch):
+    """To look costs a sample of every surface of the design."""
+    from linear_ik.model_fit.placing import Sample
+
+    class Looked(Exception):
+        pass
+
+    def looked(*_):
+        raise Looked
+
+    monkeypatch.setattr("linear_ik.model_fit.placing.SiteCheck", looked)
+    sample = Sample()
+    list(sample.of([linear_ik.read_scan(built.scan)]))
+    sample.check(built.design, {"points": 8000, "in_a_neighbourhood": 6000}, built.scan)
+    with pytest.raises(Looked):
+        sample.check(built.design, {"points": 8000, "in_a_neighbourhood": 2000}, built.scan)
+
+
 def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):
     folder = shutil.copytree(done[1], tmp_path / "again", copy_function=shutil.copy2)
     cut = tmp_path / "cut.ply"
@@ -621,13 +699,12 @@ def test_the_table_has_a_measured_length_beside_the_designed_one(done):
     assert values["measured_length_band95_mm"] == "0.980"
 
 
-def test_a_long_elements_result_is_the_same_in_memory_and_from_its_file(tmp_path):
-    for segments, kept in ((100, True), (101, False)):
-        result = not_scanned(Element("long", Circle(0.05), 20.0, segments), "")
-        linear_ik.write_result(result, tmp_path / "r.json")
-        read = linear_ik.read_result(tmp_path / "r.json")
-        for one in (light(result), light(read)):
-            assert (one.configuration_covariance is not None) == kept
+def test_joint_covariances_are_in_the_files_alone_and_the_table_knows_them(done):
+    found, folder = done
+    assert all(row.result.configuration_covariance is None for row in found.rows), "1,000 long members: 0.7 GB"
+    whole = linear_ik.read_result(folder / "elements" / f"{GUIDS[1]}.json")
+    bands = [f"{1e3 * deviations(result).bow_m.band:.3f}" for result in (whole, light(whole))]
+    assert table(folder)[GUIDS[1]]["bow_band95_mm"] == bands[0] != bands[1]
 
 
 def test_files_are_named_as_every_file_system_takes_it():

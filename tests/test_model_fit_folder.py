@@ -2,17 +2,23 @@
 
 from __future__ import annotations
 
+import errno
 import json
+import os
+import shutil
+import socket
+import subprocess
 from dataclasses import replace
 
 import pytest
-from site_samples import ABSENT, design, only, site
+from site_samples import ABSENT, GUIDS, design, only, site
 
 from linear_ik.cli import main
 from linear_ik.errors import OutputError
 from linear_ik.fit import not_scanned
 from linear_ik.model_fit import ModelFitOptions, fit_model
 from linear_ik.model_fit.folder import RunFolder
+from linear_ik.model_fit.lock import NO_LOCKS
 from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
 from linear_ik.settings import FitSettings
 
@@ -114,6 +120,60 @@ def test_what_the_system_refuses_is_said_of_the_file(tmp_path):
             work()
         assert caught.value.subject == str(tmp_path / name)
     folder.release()
+
+
+def test_what_an_interrupted_run_leaves_is_not_taken_for_its_results(tmp_path, capsys):
+    """As found: the scan of 2026, into the folder of 2024, stopped after one element: "0 of 4 moved"."""
+    built = site(tmp_path)
+    pipes = only(built.design, *GUIDS[2:])
+    before, after = tmp_path / "2024", tmp_path / "2026"
+    fit_model(pipes, [built.scan], before, options=ModelFitOptions(**HERE))
+    shutil.copytree(before, after)
+    later = shutil.copy(built.scan, tmp_path / "later.ply")
+
+    def stop(stage, done, total, seconds):
+        if stage == "fitting" and done == 1:
+            raise KeyboardInterrupt
+
+    with pytest.raises(KeyboardInterrupt):
+        fit_model(pipes, [later], after, options=ModelFitOptions(**HERE), on_progress=stop)
+    assert len(list((after / "elements").iterdir())) == 1, "none of the other scan"
+    for words in (["compare", before, after], ["report", after, "-o", tmp_path / "r.html"],
+                  ["report", after / "elements", "-o", tmp_path / "r.html"]):  # fmt: skip
+        assert main([str(word) for word in words]) == 2
+        out, err = capsys.readouterr()
+        assert not out and "the run in it was not finished (run linear-ik fit again: it goes on)" in err
+    # What waits beside it is no work to do again.
+    stages = set()
+    fit_model(pipes, [built.scan], after, options=ModelFitOptions(**HERE), on_progress=lambda *a: stages.add(a[0]))
+    assert "fitting" in stages and json.loads((after / "run.json").read_text())["where"]["fitted_now"] == 1
+    assert main(["compare", str(before), str(after)]) == 0
+    assert "0 of 2 moved" in capsys.readouterr().out
+
+
+def test_where_the_file_system_has_no_locks_a_file_keeps_other_runs_out(built, tmp_path, monkeypatch):
+    def no_locks(*_):
+        raise OSError(errno.ENOLCK, "No locks available")
+
+    monkeypatch.setattr("fcntl.flock", no_locks)
+    options, note = ModelFitOptions(**HERE), tmp_path / "run_state" / "lock.holder"
+    folder = RunFolder(tmp_path, [])
+    folder.make()
+    folder.new_scratch()
+    me = f"{socket.gethostname()} {os.getpid()}"
+    for holder in (me, "elsewhere 1"):
+        note.write_text(holder)
+        with pytest.raises(OutputError, match=rf"another run is at work in it .*: {holder}\) \(.* remove {note}\)"):
+            fit_model(built.design, [built.scan], tmp_path, options=options)
+        assert folder.scratch.exists() and note.read_text() == holder
+    folder.release()
+    assert not note.exists()
+    gone = subprocess.Popen(["true"])
+    gone.wait()
+    note.write_text(f"{socket.gethostname()} {gone.pid}")
+    found = fit_model(built.design, [built.scan], tmp_path, options=options)
+    assert NO_LOCKS in found.notes and NO_LOCKS in json.loads((tmp_path / "run.json").read_text())["notes"]
+    assert not note.exists()
 
 
 def test_files_that_no_run_writes_are_let_be(built, tmp_path):

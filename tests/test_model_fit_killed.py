@@ -19,7 +19,7 @@ from test_model_fit import HERE, contents
 from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.model_fit import ModelFitOptions, fit_model
 from linear_ik.model_fit.folder import RunFolder
-from linear_ik.model_fit.pool import DIED, InProcess, Processes
+from linear_ik.model_fit.pool import DIED, InProcess, Processes, one_thread_each
 from linear_ik.model_fit.tasks import Task
 from linear_ik.settings import FitSettings
 from linear_ik.site.obstacles import Mesh
@@ -162,6 +162,21 @@ def test_a_script_without_a_main_guard_is_told_so(built, tmp_path):
     )
 
 
+def test_ctrl_c_while_a_worker_is_started_is_for_this_process_alone():
+    # A shell that runs the tests in the background has it ignored.
+    before = signal.signal(signal.SIGINT, signal.default_int_handler)
+    child = "import os, signal; os.kill(os.getpid(), signal.SIGINT); print(os.environ['OMP_NUM_THREADS'])"
+    threads = os.environ.get("OMP_NUM_THREADS")
+    try:
+        with pytest.raises(KeyboardInterrupt), one_thread_each():
+            os.kill(os.getpid(), signal.SIGINT)
+            done = subprocess.run([sys.executable, "-c", child], capture_output=True, text=True)
+        assert (done.returncode, done.stdout, done.stderr) == (0, "1\n", "")
+    finally:
+        signal.signal(signal.SIGINT, before)
+    assert os.environ.get("OMP_NUM_THREADS") == threads
+
+
 def test_this_process_does_tasks_too():
     bad = replace(task(GUIDS[0]), points=np.zeros((3, 2)))
     good = task(GUIDS[1])
@@ -203,6 +218,26 @@ def test_a_cluster_that_loses_a_worker_gives_the_same_files(built, undisturbed, 
     fit_model(built.design, [built.scan], folder, None, ModelFitOptions(scheduler=address), on_progress)
     assert workers[0].wait() < 0
     assert contents(folder) == {**undisturbed, "run.json": contents(folder)["run.json"]}
+
+
+def test_a_cluster_without_workers_is_not_waited_for_for_ever(built, tmp_path, cluster, monkeypatch):
+    address, workers = cluster
+    monkeypatch.setattr("linear_ik.model_fit.cluster.LOOK_S", 0.1)
+    monkeypatch.setattr("linear_ik.model_fit.cluster.FETCH_S", 0.5)
+    monkeypatch.setattr("linear_ik.model_fit.cluster.PATIENCE_S", 1.0)
+    said = set()
+
+    def on_progress(stage, done, total, seconds):
+        said.add(stage)
+        if stage == "fitting" and done == 1:
+            time.sleep(2)  # results that are done and not fetched die with them
+            for worker in workers:
+                worker.kill()
+
+    with pytest.raises(LinearIkError, match=r"scheduler: .* no workers for \d+ s \(run again: what is fini"):
+        fit_model(built.design, [built.scan], tmp_path, None, ModelFitOptions(scheduler=address), on_progress)
+    assert f"waiting for workers: {address} has none" in said
+    assert finished_elements(tmp_path) >= 1
 
 
 def test_a_scheduler_that_is_not_there(built, tmp_path, monkeypatch):

@@ -13,6 +13,7 @@ from linear_ik.cli.outputs import check_folder, check_output
 from linear_ik.cli.process import NOT_SCANNED, Outcome, about_options
 from linear_ik.cli.progress import Progress
 from linear_ik.errors import LinearIkError, SettingsError
+from linear_ik.run_files import OUTPUTS
 
 if TYPE_CHECKING:
     import numpy as np
@@ -22,7 +23,6 @@ if TYPE_CHECKING:
     from linear_ik.settings import FitSettings
 
 SUFFIXES = (".ifc", ".ifczip", ".ifcxml")
-OUTPUTS = ("asbuilt.ifc", "deviation.ply", "deviation.laz", "elements.csv", "run.json")
 # Without a terminal: a line for a log, not one an element.
 LINE_EVERY_S = 30.0
 OPTIONS = {

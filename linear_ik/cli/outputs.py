@@ -9,9 +9,8 @@ from pathlib import Path
 
 from linear_ik.atomic import same_file
 from linear_ik.errors import OutputError
+from linear_ik.run_files import ELEMENTS, OUTPUTS, PLY
 
-# What a run's folder holds: `fit` of a model wrote it, and other verbs read it.
-OF_A_RUN, FOLDER_OF_A_RUN, ENDINGLESS_OF_A_RUN = ("run.json", "elements.csv", "asbuilt.ifc"), "elements", "deviation"
 STDOUT = ("-", "/dev/stdout", "/dev/fd/1", "/proc/self/fd/1")
 
 
@@ -82,8 +81,8 @@ def _belongs_to_run(target: Path, folder: Path) -> bool:
     # Some file systems take no difference between capitals and small letters.
     parts = [part.lower() for part in target.relative_to(root).parts]
     if len(parts) > 1:
-        return parts[0] == FOLDER_OF_A_RUN
-    named = parts[0] in (*OF_A_RUN, FOLDER_OF_A_RUN) or Path(parts[0]).stem == ENDINGLESS_OF_A_RUN
+        return parts[0] == ELEMENTS
+    named = parts[0] in (*OUTPUTS, ELEMENTS) or Path(parts[0]).stem == Path(PLY).stem
     # A folder of results has them beside each other.
     return named or (target.suffix.lower() == ".json" and target.exists())
 

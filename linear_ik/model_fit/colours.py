@@ -22,6 +22,7 @@ from linear_ik.model_fit.fits import Fits
 from linear_ik.model_fit.handed_out import Listener, Pieces
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.result import FitResult
+from linear_ik.run_files import LAZ, PLY, REPORT
 from linear_ik.scan import Scan
 from linear_ik.site.body import Body
 from linear_ik.site.neighbourhood import Neighbourhoods
@@ -29,7 +30,7 @@ from linear_ik.site.neighbourhood import Neighbourhoods
 Array = npt.NDArray[np.float64]
 Index = npt.NDArray[np.intp]
 
-PLY, LAZ = "deviation.ply", "deviation.laz"
+NO_LAZ = f'{LAZ} was not written: it needs laspy and lazrs (pip install "linear_ik[scan]")'
 ON_SURFACE_M = 0.008
 NOISES = 4.0
 
@@ -93,7 +94,7 @@ def colour_scan(
             clouds.append(LazCloud(stack.enter_context(written_whole(folder / LAZ)), offset))
             out.files.append(LAZ)
         else:
-            out.notes.append(f'{LAZ} was not written: it needs laspy and lazrs (pip install "linear_ik[scan]")')
+            out.notes.append(NO_LAZ)
         for read, points, deviation, element in _belonging(
             pieces(fits.neighbourhoods.bounds_m), found, fits.neighbourhoods
         ):
@@ -158,11 +159,10 @@ def _noise(result: FitResult) -> float:
 def coloured_before(folder: Path, inputs: str) -> Coloured | None:
     """Return what an earlier run wrote from the same inputs, or None."""
     try:
-        report = json.loads((folder / "run.json").read_text(encoding="utf-8"))
+        report = json.loads((folder / REPORT).read_text(encoding="utf-8"))
         legend = report["deviation"]
         if legend["inputs"] != inputs or not all((folder / name).is_file() for name in legend["files"]):
             return None
-        notes = [note for note in report["notes"] if note.startswith("deviation.")]
-        return Coloured(list(legend["files"]), legend, notes)
+        return Coloured(list(legend["files"]), legend, [] if LAZ in legend["files"] else [NO_LAZ])
     except (OSError, ValueError, KeyError, TypeError):
         return None

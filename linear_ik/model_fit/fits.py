@@ -5,8 +5,9 @@ from __future__ import annotations
 import hashlib
 import math
 import time
-from collections.abc import Iterable, Iterator
+from collections.abc import Iterable, Iterator, Mapping
 from dataclasses import asdict, dataclass, replace
+from pathlib import Path
 from typing import Any
 
 import numpy as np
@@ -20,6 +21,8 @@ from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces, hand_out
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.pool import Pool
 from linear_ik.model_fit.tasks import Outcome, Task
+from linear_ik.readers.result_json import read_result
+from linear_ik.reason import Reason
 from linear_ik.result import FitResult
 from linear_ik.settings import FitSettings
 from linear_ik.site.contest import Claimant
@@ -37,7 +40,7 @@ class Row:
 
     Attributes:
         member: of the design.
-        result: None where the fit failed.
+        result: without history and joint covariance, which its file has; None where the fit failed.
         failure: why; else empty.
         facts: counts of its points.
         file: of the result, in the folder; where the fit failed there is none.
@@ -105,12 +108,17 @@ class Fits:
 
     @property
     def results(self) -> dict[str, FitResult]:
-        """By GlobalId, the results so far, each with its last iteration's record only."""
+        """By GlobalId, the results so far, without their histories and joint covariances (see `light`)."""
         return {m.guid: self._results[m.guid] for m in self.members if m.guid in self._results}
 
     @property
+    def whole(self) -> Mapping[str, FitResult]:
+        """By GlobalId, the results in the folder, each read when it is asked for."""
+        return _Files({guid: self.folder.element_path(guid) for guid in self.results})
+
+    @property
     def rows(self) -> list[Row]:
-        """One for each member."""
+        """One for each member, with light results."""
         return [
             Row(
                 m,
@@ -139,8 +147,8 @@ class Fits:
         return points
 
     def take_over(self) -> None:
-        """Let the folder hold results of these members alone; those of others wait beside it for another run."""
-        self.folder.set_aside([member.guid for member in self.members])
+        """Let the folder hold results of these inputs alone; all others wait beside it for another run."""
+        self.folder.set_aside(list(self._results))
         for guid in self._results:
             self.folder.bring_back(guid)
 
@@ -191,8 +199,8 @@ class Fits:
             fp = inputs[self._index[guid]]
             facts = {**self._facts[guid], **outcome.facts}
             if outcome.failure:
-                self._failures[guid] = outcome.failure
-                self.folder.forget(guid)
+                doubted = self.folder.keep_unsettled(guid, _not_settled(outcome.failure))
+                finals[guid] = light(doubted), self._facts[guid]
             elif outcome.result is None:
                 self.folder.unchanged(guid, fp, facts)
                 finals[guid] = self._results[guid], facts
@@ -201,8 +209,6 @@ class Fits:
                 finals[guid] = light(outcome.result), facts
         for guid, (result, facts) in finals.items():
             self._results[guid], self._facts[guid] = result, facts
-        for guid in self._failures:
-            self._results.pop(guid, None)
 
     def _run(self, pool: Pool, tasks: Iterable[Task], count: int, stage: str, listener: Listener) -> Iterator[Outcome]:
         began, done = time.perf_counter(), 0
@@ -251,6 +257,30 @@ class Fits:
     def _open_contests(self) -> bool:
         inputs = self._contest_inputs()
         return not all(self.folder.has(self.members[i].guid, "final", fp) for i, fp in inputs.items())
+
+
+class _Files(Mapping[str, FitResult]):
+    """Results as they are in files, one in memory at a time."""
+
+    def __init__(self, paths: dict[str, Path]) -> None:
+        self._paths = paths
+
+    def __getitem__(self, guid: str) -> FitResult:
+        return read_result(self._paths[guid])
+
+    def __contains__(self, guid: object) -> bool:
+        return guid in self._paths
+
+    def __iter__(self) -> Iterator[str]:
+        return iter(self._paths)
+
+    def __len__(self) -> int:
+        return len(self._paths)
+
+
+def _not_settled(failure: str) -> Reason:
+    sentence = f"points may be a neighbour's: settling with it failed ({failure}), and this is the fit to all of them"
+    return Reason("neighbours_not_settled", sentence)
 
 
 def _own_points(facts: Facts) -> int:

@@ -6,7 +6,6 @@ same: design, settings, what stands around it, the scan files and the versions.
 
 from __future__ import annotations
 
-import fcntl
 import hashlib
 import json
 import os
@@ -17,16 +16,18 @@ from collections.abc import Sequence
 from contextlib import suppress
 from dataclasses import replace
 from pathlib import Path
-from typing import Any, TextIO
+from typing import Any
 
 from linear_ik.atomic import output_errors, write_atomically
 from linear_ik.errors import LinearIkError, OutputError
-from linear_ik.exports.result_json import MOST_WITH_COVARIANCE, result_to_json, with_short_history
+from linear_ik.exports.result_json import result_to_json, with_short_history
+from linear_ik.model_fit.lock import FolderLock
 from linear_ik.readers.result_json import read_result
+from linear_ik.reason import Reason
 from linear_ik.result import FitResult
+from linear_ik.run_files import ELEMENTS, STATE, UNFINISHED
 
 SAFE = re.compile(r"[0-9A-Za-z_$-]{1,64}\Z")
-STATE = "run_state"
 STAGES = ("first", "final")
 Facts = dict[str, Any]
 
@@ -59,6 +60,8 @@ class RunFolder:
     Attributes:
         path: the folder.
         scratch: where points wait, gone when the run is complete.
+        handed_out_note: of the points there, written when all have been handed out.
+        notes: plain sentences on how other runs are kept out, where that is not as usual.
     """
 
     def __init__(self, path: Path, guids: Sequence[str]) -> None:
@@ -70,8 +73,10 @@ class RunFolder:
         """
         self.path, self._stems = path, file_stems(guids)
         self.scratch = path / STATE / "points"
+        self.handed_out_note = self.scratch / "complete.json"
+        self.notes: tuple[str, ...] = ()
         self._made: list[Path] = []
-        self._lock: TextIO | None = None
+        self._lock = FolderLock(path / STATE)
 
     def make(self) -> None:
         """Make the folders, and keep other runs out of them until this process ends or calls `release`.
@@ -83,7 +88,7 @@ class RunFolder:
         folders = (
             *reversed(self.path.parents),
             self.path,
-            self.path / "elements",
+            self.path / ELEMENTS,
             state,
             state / "first",
             state / "other",
@@ -93,37 +98,44 @@ class RunFolder:
             with output_errors(self.path):
                 for folder in self._made:
                     folder.mkdir(exist_ok=True)
-                self._lock = (state / "lock").open("a")
         except OutputError:
             self.take_back()
             raise
-        try:
-            fcntl.flock(self._lock, fcntl.LOCK_EX | fcntl.LOCK_NB)
-        except BlockingIOError:
-            raise OutputError(self.path, "another run is at work in it", "another folder, or wait") from None
-        except OSError:
-            pass  # a network file system without locks
-        else:
-            self._sweep()
+        with output_errors(self.path):
+            self.notes = self._lock.take()
+        self._sweep()
 
     def _sweep(self) -> None:
         """Remove what a run that was killed was writing; nobody else is, under the lock."""
         state = self.path / STATE
-        for folder in (self.path, self.path / "elements", state, state / "first", state / "other"):
+        for folder in (self.path, self.path / ELEMENTS, state, state / "first", state / "other"):
             for path in folder.glob(".linear_ik-*"):
                 path.unlink(missing_ok=True)
 
+    def begin(self) -> None:
+        """Note that results are about to change, for whoever reads the folder before `end`.
+
+        Raises:
+            OutputError: it cannot be written.
+        """
+        write_atomically(self.path / STATE / UNFINISHED, "linear-ik fit goes on when it is started again\n")
+
+    def end(self) -> None:
+        """Take the note of `begin` away, and the points: the run is whole."""
+        self.clear_scratch()
+        (self.path / STATE / UNFINISHED).unlink(missing_ok=True)
+
     def set_aside(self, guids: Sequence[str]) -> None:
-        """Keep results of elements that are not of this run out of ``elements``: whoever reads it takes all there is.
+        """Keep all but some results out of ``elements``: whoever reads it takes all there is.
 
         Args:
-            guids: of the run's members.
+            guids: of the elements whose results stay.
 
         Raises:
             OutputError: they cannot be moved.
         """
         names = {self.element_path(guid).name for guid in guids}
-        for path in sorted((self.path / "elements").glob("*.json")):
+        for path in sorted((self.path / ELEMENTS).glob("*.json")):
             if path.name not in names:
                 _move(path, self.path / STATE / "other" / path.name)
 
@@ -138,12 +150,11 @@ class RunFolder:
 
     def release(self) -> None:
         """Let other runs in."""
-        if self._lock is not None:
-            self._lock.close()
+        self._lock.release()
 
     def element_path(self, guid: str) -> Path:
         """Return where an element's result is."""
-        return self.path / "elements" / f"{self._stems[guid]}.json"
+        return self.path / ELEMENTS / f"{self._stems[guid]}.json"
 
     def known(self, guid: str, stage: str, inputs: str) -> tuple[FitResult, Facts] | None:
         """Return the result of an earlier run and its facts, or None where something has changed.
@@ -188,14 +199,13 @@ class RunFolder:
         """
         path, records = self.element_path(guid), self._records(guid)
         with output_errors(path):
-            if stage == "final" and path.exists():
-                # The contest starts from the first result when the run is repeated.
-                os.replace(path, self._first_path(guid))
+            if stage == "final":
+                self._put_first_aside(guid)
             elif stage == "first":
                 self._first_path(guid).unlink(missing_ok=True)
                 records = {}
             # What a power cut leaves of it is told by its hash.
-            write_atomically(path, result_to_json(with_short_history(result), {"guid": guid}), settle=False)
+            self._put(guid, result)
             self._other_path(guid).unlink(missing_ok=True)
             records[stage] = {"inputs": inputs, "sha256": _sha256(path), "facts": facts}
         self._note(guid, records)
@@ -205,6 +215,23 @@ class RunFolder:
         records = self._records(guid)
         records["final"] = {**records["first"], "inputs": inputs, "facts": facts}
         self._note(guid, records)
+
+    def keep_unsettled(self, guid: str, doubt: Reason) -> FitResult:
+        """Write and return the first result with a doubt, where the contest failed; it is not final.
+
+        Raises:
+            ResultError: the first result cannot be read.
+            OutputError: it cannot be written.
+        """
+        self._put_first_aside(guid)
+        result = read_result(self._first_path(guid)).with_reasons(doubt)
+        self._put(guid, result)
+        return result
+
+    def _put_first_aside(self, guid: str) -> None:
+        """Make room for another result; the contest starts from the first one when the run is repeated."""
+        if self.element_path(guid).exists():
+            _move(self.element_path(guid), self._first_path(guid))
 
     def back_to_first(self, guid: str) -> None:
         """Undo a contest of an earlier run: the first result is the element's again.
@@ -262,7 +289,7 @@ class RunFolder:
 
     def clear_part(self) -> None:
         """Remove the points unless all were handed out: then the next run need not read the scan again."""
-        if not (self.scratch / "complete.json").exists():
+        if not self.handed_out_note.exists():
             self.clear_scratch()
 
     def take_back(self) -> None:
@@ -285,6 +312,10 @@ class RunFolder:
     def _state_path(self, guid: str) -> Path:
         return self.path / STATE / f"{self._stems[guid]}.json"
 
+    def _put(self, guid: str, result: FitResult) -> None:
+        text = result_to_json(with_short_history(result), {"guid": guid})
+        write_atomically(self.element_path(guid), text, settle=False)
+
     def _note(self, guid: str, records: dict[str, Any]) -> None:
         write_atomically(self._state_path(guid), json.dumps(records) + "\n", settle=False)
 
@@ -299,10 +330,9 @@ class RunFolder:
 def light(result: FitResult) -> FitResult:
     """Return a result as small as can be, for thousands are kept in memory, and the same whether read or made now.
 
-    Of the history the last record stays; of the covariance what the file holds.
+    Of the history the last record stays; how the joints vary together is in the file alone, 0.3 MB of 60 segments.
     """
-    joint = result.configuration_covariance if result.element.segments <= MOST_WITH_COVARIANCE else None
-    return with_short_history(replace(result, history=result.history[-1:], configuration_covariance=joint))
+    return with_short_history(replace(result, history=result.history[-1:], configuration_covariance=None))
 
 
 def _move(path: Path, to: Path) -> None:

@@ -4,7 +4,7 @@ from __future__ import annotations
 
 import json
 import math
-from collections.abc import Callable, Iterable
+from collections.abc import Callable, Iterable, Sequence
 from dataclasses import dataclass
 from pathlib import Path
 from typing import Any
@@ -13,6 +13,7 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.atomic import write_atomically
+from linear_ik.errors import ScanError
 from linear_ik.model_fit.folder import RunFolder
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.scan import Scan
@@ -79,7 +80,7 @@ def hand_out_once(
         options: of the run.
         listener: told how many points are done.
     """
-    note = folder.scratch / "complete.json"
+    note = folder.handed_out_note
     memory_bytes = int(options.memory_mb * 2**20 / 2)
     spill = Spill(folder.scratch, elements, options.max_points, memory_bytes)
     done = _earlier(note, inputs, spill)
@@ -107,6 +108,33 @@ def hand_out_once(
     else:
         spill.received[:] = done["received"]
     return HandedOut(spill, np.array(done["stations"]) if done["stations"] else None, done["extent"])
+
+
+def scan_inputs(paths: Sequence[Path], unit: str | None) -> list[list[object]]:
+    """Return what tells whether scan files are still the same: place, size, time of change and unit.
+
+    Raises:
+        ScanError: one is gone.
+    """
+    out: list[list[object]] = []
+    for path in paths:
+        try:
+            stat = path.stat()
+        except OSError as error:
+            raise ScanError(path, f"cannot be read: {error.strerror}", "a readable file") from None
+        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit or "m"])
+    return out
+
+
+def check_unchanged(paths: Sequence[Path], scans: list[list[object]]) -> None:
+    """Refuse scan files that are no longer those that ``scans``, from `scan_inputs`, were made of.
+
+    Raises:
+        ScanError: one is not.
+    """
+    for path, before in zip(paths, scans, strict=True):
+        if scan_inputs([path], str(before[-1])) != [before]:
+            raise ScanError(path, "it changed while it was read", "a file that nobody writes to; start again")
 
 
 def _earlier(note: Path, inputs: str, spill: Spill) -> dict[str, Any] | None:

@@ -61,7 +61,7 @@ class ModelFitOptions:
     overwrite: bool = False
 
     def __post_init__(self) -> None:
-        """Check every field."""
+        """Check every field; numbers of NumPy become Python's, which JSON knows."""
         for name, low, high, whole in (
             ("workers", 0, 1000, True),
             ("segments", 1, MOST_SEGMENTS, True),
@@ -80,6 +80,12 @@ class ModelFitOptions:
             if isinstance(value, bool) or not isinstance(value, kind) or not low <= value <= high:  # type: ignore[operator]
                 what = "a whole number" if whole else "a number"
                 raise SettingsError(name, f"{value!r}", f"{what} from {low:g} to {high:g}")
+            object.__setattr__(self, name, (int if whole else float)(getattr(self, name)))
+        for name in ("map_coordinates", "contest", "overwrite"):
+            value = getattr(self, name)
+            if not isinstance(value, (bool, np.bool_)):
+                raise SettingsError(name, f"{value!r}", "True or False")
+            object.__setattr__(self, name, bool(value))
         try:
             metres_of("m" if self.scan_unit is None else self.scan_unit)
         except SettingsError as error:

@@ -10,9 +10,9 @@ from typing import Any, NamedTuple
 
 from linear_ik.atomic import write_atomically
 from linear_ik.errors import OutputError
+from linear_ik.run_files import ELEMENTS, REPORT, STATE
 
 SCHEMA = "linear_ik/run/1"
-REPORT, STATE, ELEMENTS = "run.json", "run_state", "elements"
 NOTE = "run.design"  # there from a run's beginning, when run.json is not yet
 
 

@@ -13,6 +13,7 @@ from linear_ik.design_model import DesignModel
 from linear_ik.errors import LinearIkError, SettingsError
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.site_check import SiteCheck
+from linear_ik.site_frames import CLEARLY
 
 Array = npt.NDArray[np.float64]
 
@@ -47,6 +48,9 @@ def check_place(model: DesignModel, sample: Array, extent: dict[str, Any], scan:
     if not len(sample):
         return
     near = extent["in_a_neighbourhood"] / max(extent["points"], 1)
+    # Where so many points are in their place no change brings clearly more; and a check samples all the model.
+    if CLEARLY * near >= 1.0:
+        return
     sentence = SiteCheck(model).sure_change(sample, near)
     if sentence:
         raise LinearIkError(scan, sentence, "the model's coordinates; --scan-unit m takes it as it is")

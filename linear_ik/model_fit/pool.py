@@ -9,11 +9,11 @@ from __future__ import annotations
 import os
 import signal
 import threading
-from collections.abc import Iterable, Iterator
+from collections.abc import Callable, Iterable, Iterator
 from concurrent.futures import FIRST_COMPLETED, Future, ProcessPoolExecutor, wait
 from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
-from multiprocessing import Pipe, get_context
+from multiprocessing import Pipe, get_context, resource_tracker
 from multiprocessing.connection import Connection
 from typing import Protocol
 
@@ -141,25 +141,46 @@ class Processes:
             lifeline.close()
 
 
+def make_pool(workers: int | None, scheduler: str | None, elements: int, on_wait: Callable[[str], object]) -> Pool:
+    """Return where the elements are fitted.
+
+    Args:
+        workers: processes; None for one a core, 0 for this one.
+        scheduler: address of a Dask scheduler, in place of ``workers``.
+        elements: how many there are.
+        on_wait: told, in words, while a scheduler has no workers.
+    """
+    if scheduler is not None:
+        from linear_ik.model_fit.cluster import Cluster
+
+        return Cluster(scheduler, on_wait)
+    if workers == 0:
+        return InProcess()
+    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
+    return Processes(max(1, min(workers or cores, elements)))
+
+
 @contextmanager
 def one_thread_each() -> Iterator[None]:
-    """Let processes that are started now use one thread each, and leave Ctrl-C to this one from their first moment."""
+    """Let processes that are started now use one thread each, and leave Ctrl-C to this one from their first moment.
+
+    Here it waits until they are started.
+    """
     before = {name: os.environ.get(name) for name in THREADS}
     os.environ.update(dict.fromkeys(THREADS, "1"))
-    # What is ignored here stays ignored there; handlers are for the main thread alone to set.
-    handler = None
-    if threading.current_thread() is threading.main_thread():
-        handler = signal.signal(signal.SIGINT, signal.SIG_IGN)
+    # The tracker, once it is started, lets Ctrl-C through again.
+    resource_tracker.ensure_running()
+    # What is blocked here is blocked there.
+    mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
     try:
         yield
     finally:
-        if handler is not None:
-            signal.signal(signal.SIGINT, handler)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
             else:
                 os.environ[name] = value
+        signal.pthread_sigmask(signal.SIG_SETMASK, mask)
 
 
 def prepare_worker(lifeline: Connection) -> None:

@@ -7,7 +7,7 @@ import os
 import time
 from collections import Counter
 from collections.abc import Iterator, Sequence
-from dataclasses import asdict, dataclass
+from dataclasses import asdict, dataclass, replace
 from pathlib import Path
 
 import numpy as np
@@ -15,19 +15,20 @@ import numpy.typing as npt
 
 from linear_ik.atomic import same_file, write_atomically
 from linear_ik.design_model import DesignModel
-from linear_ik.errors import LinearIkError, OutputError, ScanError
+from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
-from linear_ik.model_fit.colours import LAZ, PLY, Coloured, colour_scan, coloured_before
+from linear_ik.model_fit.colours import Coloured, colour_scan, coloured_before
 from linear_ik.model_fit.fits import Fits, Row
 from linear_ik.model_fit.folder import Facts, RunFolder, fingerprint
-from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces
+from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces, check_unchanged, scan_inputs
 from linear_ik.model_fit.options import ModelFitOptions
-from linear_ik.model_fit.ownership import REPORT, SCHEMA, check_ours, note_design
+from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import check_place, scan_to_model, why_nothing
-from linear_ik.model_fit.pool import InProcess, Pool, Processes
+from linear_ik.model_fit.pool import make_pool
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import write_table
 from linear_ik.readers import CHUNK_POINTS, iter_scan
+from linear_ik.run_files import ASBUILT, OUTPUTS, REPORT, TABLE
 from linear_ik.scan import Scan, no_points
 from linear_ik.scan_sample import ScanSample
 from linear_ik.settings import FitSettings
@@ -35,8 +36,6 @@ from linear_ik.site.handout import boxes_back, moved
 
 Array = npt.NDArray[np.float64]
 
-ASBUILT, TABLE = "asbuilt.ifc", "elements.csv"
-OUTPUTS = (ASBUILT, PLY, LAZ, TABLE, REPORT)
 BYTES_A_POINT = 400  # while a piece of the scan is handed out
 
 
@@ -45,7 +44,7 @@ class ModelFit:
     """What a run found.
 
     Attributes:
-        rows: one for each element, in the design's order.
+        rows: one for each element, in the design's order; histories and joint covariances are in the files alone.
         folder: where the files are.
         counts: how many elements there are of each status.
         files: names of the files in the folder beside ``elements``.
@@ -116,7 +115,7 @@ def fit_model(
     T = scan_to_model(model, options)
     members, obstacles = select(model, options)
     folder = RunFolder(Path(output_folder), [member.guid for member in model.members])
-    pool = make_pool(options, len(members))
+    pool = make_pool(options.workers, options.scheduler, len(members), lambda what: listener(what, 0, 0, float("nan")))
     clock = _Clock()
     try:
         folder.make()
@@ -125,6 +124,7 @@ def fit_model(
         doubted = paths[0] if T is None and options.scan_unit is None else None
         points = _hand_out(fits, folder, model, pieces, doubted, listener)
         note_design(folder.path, model.source, design_path)
+        folder.begin()
         fits.take_over()
         clock.lap("hand_out")
         fits.first(points, pool, listener)
@@ -196,7 +196,7 @@ def _write(
     The clouds come last, when the points that waited are gone: where they fill the disk, all else is there.
     """
     folder, options, rows = fits.folder.path, fits.options, fits.rows
-    files, notes = [], list(model.notes)
+    files, notes = [], [*model.notes, *fits.folder.notes]
     if fits.extent and not fits.extent["in_a_neighbourhood"]:
         notes.append(why_nothing(model, np.array([fits.extent["low_m"], fits.extent["high_m"]])))
     if fits.extent.get("left_out"):
@@ -204,7 +204,8 @@ def _write(
     if mixed := fits.extent.get("elements_with_mixed_stations"):
         some = f"{mixed} elements have" if mixed > 1 else "1 element has"
         notes.append(f"{some} points of unknown stations among others: there no station was used")
-    write_table(rows, folder / TABLE)
+    whole = fits.whole
+    write_table((replace(row, result=whole.get(row.member.guid)) for row in rows), folder / TABLE)
     if design is not None:
         listener("writing asbuilt.ifc", 0, 0, float("nan"))
         from linear_ik.exports.asbuilt_ifc import write_asbuilt_ifc
@@ -213,7 +214,7 @@ def _write(
             notes.append(f"{guid} is as designed in {ASBUILT}: {what}")
 
         remarks = {member.guid: member.remark for member in model.members}
-        write_asbuilt_ifc(design, fits.results, folder / ASBUILT, remarks=remarks, on_left=on_left)
+        write_asbuilt_ifc(design, whole, folder / ASBUILT, remarks=remarks, on_left=on_left)
         files.append(ASBUILT)
     counts = dict(Counter(row.status for row in rows))
 
@@ -241,52 +242,12 @@ def _write(
     shapes = {guid: result.nodes_m.tolist() for guid, result in fits.results.items()}
     inputs = fingerprint(fits.inputs, options.legend_m, shapes)
     coloured = None if fits.fitted_now else coloured_before(folder, inputs)
+    report(coloured or Coloured())
+    fits.folder.end()
     if coloured is None:
-        report(Coloured())
-        fits.folder.clear_scratch()
         coloured = colour_scan(pieces, fits, folder, options, inputs, listener)
-    report(coloured)
-    fits.folder.clear_scratch()
+        report(coloured)
     return ModelFit(tuple(rows), folder, counts, (TABLE, *coloured.files, *files, REPORT), (*notes, *coloured.notes))
-
-
-def make_pool(options: ModelFitOptions, elements: int) -> Pool:
-    """Return where the elements are fitted."""
-    if options.scheduler is not None:
-        from linear_ik.model_fit.cluster import Cluster
-
-        return Cluster(options.scheduler)
-    if options.workers == 0:
-        return InProcess()
-    cores = len(os.sched_getaffinity(0)) if hasattr(os, "sched_getaffinity") else os.cpu_count() or 1
-    return Processes(max(1, min(options.workers or cores, elements)))
-
-
-def scan_inputs(paths: Sequence[Path], unit: str | None) -> list[list[object]]:
-    """Return what tells whether scan files are still the same: place, size, time of change and unit.
-
-    Raises:
-        ScanError: one is gone.
-    """
-    out: list[list[object]] = []
-    for path in paths:
-        try:
-            stat = path.stat()
-        except OSError as error:
-            raise ScanError(path, f"cannot be read: {error.strerror}", "a readable file") from None
-        out.append([str(path.resolve()), stat.st_size, stat.st_mtime_ns, unit or "m"])
-    return out
-
-
-def check_unchanged(paths: Sequence[Path], scans: list[list[object]]) -> None:
-    """Refuse scan files that are no longer those that ``scans``, from `scan_inputs`, were made of.
-
-    Raises:
-        ScanError: one is not.
-    """
-    for path, before in zip(paths, scans, strict=True):
-        if scan_inputs([path], str(before[-1])) != [before]:
-            raise ScanError(path, "it changed while it was read", "a file that nobody writes to; start again")
 
 
 def _read_design(path: Path, listener: Listener) -> DesignModel:

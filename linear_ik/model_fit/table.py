@@ -5,7 +5,7 @@ from __future__ import annotations
 import csv
 import io
 import math
-from collections.abc import Sequence
+from collections.abc import Iterable
 from pathlib import Path
 
 import numpy as np
@@ -60,7 +60,7 @@ COLUMNS = (
 )
 
 
-def write_table(rows: Sequence[Row], path: Path) -> None:
+def write_table(rows: Iterable[Row], path: Path) -> None:
     """Write the table as CSV (RFC 4180, UTF-8).
 
     Offsets are across the designed axis, of the nodes; the shift along it stands apart, because
@@ -68,6 +68,10 @@ def write_table(rows: Sequence[Row], path: Path) -> None:
     the element has a ``length_tolerance_m`` and the scan tells its length. Bow, sag (downwards)
     and sweep (sideways) are offsets from the chord between the ends, see `deviation`. The remark
     says what of the designed body is not in the element.
+
+    Args:
+        rows: in the design's order, with whole results.
+        path: of the file.
 
     Raises:
         OutputError: it cannot be written.
@@ -110,12 +114,8 @@ def line(row: Row) -> dict[str, object]:
 
 def figures(result: FitResult) -> dict[str, float]:
     """Return the lengths in the table, in the units that their names say."""
-    element = result.element
-    T = element.placement.T_world_element
-    designed = element.design.nodes_m @ T[:3, :3].T + T[:3, 3]
-    tangents = T[:3, :3] @ element.design.rotations[:, :, 2].T
-    tangents = np.column_stack([tangents, tangents[:, -1]]).T
-    off = result.nodes_m - designed
+    off, tangents = result.moved_m, result.designed_directions
+    tangents = np.vstack([tangents, tangents[-1:]])
     along = np.einsum("ki,ki->k", off, tangents)
     across = off - along[:, None] * tangents
     size, band = np.linalg.norm(across, axis=1), band_along(across, result.nodes_covariance_m2)

@@ -18,6 +18,7 @@ from linear_ik.elastic_sag import ElasticSag
 from linear_ik.errors import LinearIkError, ToleranceError
 from linear_ik.readers.result_json import EXPECTED, ResultError, guid_of, result_from_mapping
 from linear_ik.result import FitResult
+from linear_ik.run_files import ELEMENTS, REPORT, TABLE, check_finished
 from linear_ik.tolerances import (
     IFC_CLASS,
     Accuracy,
@@ -34,7 +35,6 @@ from linear_ik.tolerances import (
 
 Array = npt.NDArray[np.float64]
 
-ELEMENTS, TABLE, RUN = "elements", "elements.csv", "run.json"
 RUN_EXPECTED = "the JSON that linear-ik fit wrote"
 
 
@@ -110,6 +110,7 @@ def read_run(
 
     Raises:
         ResultError: no result there, one that cannot be read, or two of one element.
+        LinearIkError: a folder whose run was not finished.
         ToleranceError: conditions of an element that is not there.
     """
     known = conditions if isinstance(conditions, ConditionsOfEach) else ConditionsOfEach(conditions or Conditions())
@@ -117,7 +118,7 @@ def read_run(
     files = _results(source)
     rows = _table(source / TABLE) if source.is_dir() else {}
     order = {guid: i for i, guid in enumerate(rows)}
-    said = _said(source / RUN) if source.is_dir() else {}
+    said = _said(source / REPORT) if source.is_dir() else {}
     left_out = said.pop("left_out", None)
     unfitted = [dict(_flat("", row)) for row in left_out or () if isinstance(row, dict)]
     members: dict[str, ReportedMember] = {}
@@ -140,8 +141,8 @@ def read_run(
     if strangers:
         raise ToleranceError("conditions", f"no element {sorted(strangers)[0]!r}", "a GlobalId, tag or name of the run")
     title = ordered[0].name if len(ordered) == 1 and not source.is_dir() else source.resolve().name
-    T = said.pop("T_model_scan", None)
-    return Run(title, tuple(ordered), (*rows.values(), *unfitted), dict(_flat("", said)), _transform(source / RUN, T))
+    T = _transform(source / REPORT, said.pop("T_model_scan", None))
+    return Run(title, tuple(ordered), (*rows.values(), *unfitted), dict(_flat("", said)), T)
 
 
 def judged_member(
@@ -199,8 +200,9 @@ def judged_member(
 def _results(source: Path) -> list[Path]:
     if not source.is_dir():
         return [source]
+    check_finished(source)
     folder = source / ELEMENTS if (source / ELEMENTS).is_dir() else source
-    files = sorted(path for path in folder.glob("*.json") if path.name != RUN)
+    files = sorted(path for path in folder.glob("*.json") if path.name != REPORT)
     if not files:
         raise ResultError(source, "holds no results", f"a result, or a folder with {ELEMENTS}/*.json")
     return files

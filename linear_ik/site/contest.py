@@ -43,12 +43,7 @@ class Claimant:
     @classmethod
     def of(cls, result: FitResult) -> Claimant:
         """Return the claimant that a fit makes."""
-        element = result.element
-        T = element.placement.T_world_element
-        designed = element.design.nodes_m @ T[:3, :3].T + T[:3, 3]
-        along = np.diff(designed, axis=0)
-        along /= np.linalg.norm(along, axis=1)[:, None]
-        off = result.nodes_m - designed
+        off, along = result.moved_m, result.designed_directions
         off = (off[1:] + off[:-1]) / 2
         off -= np.einsum("ki,ki->k", off, along)[:, None] * along
         shown = result.status != "not_scanned"
