@@ -596,7 +596,7 @@ def test_a_scan_that_is_surely_in_other_coordinates_is_refused_before_the_fits(
 
 def test_a_scan_that_is_clearly_in_its_place_is_not_looked_at_again(built, monkeypatch):
     """To look costs a sample of every surface of the design."""
-    from linear_ik.model_fit.placing import Sample
+    from linear_ik.model_fit.placing import check_place
 
     class Looked(Exception):
         pass
@@ -605,11 +605,10 @@ def test_a_scan_that_is_clearly_in_its_place_is_not_looked_at_again(built, monke
         raise Looked
 
     monkeypatch.setattr("linear_ik.model_fit.placing.SiteCheck", looked)
-    sample = Sample()
-    list(sample.of([linear_ik.read_scan(built.scan)]))
-    sample.check(built.design, {"points": 8000, "in_a_neighbourhood": 6000}, built.scan)
+    sample = linear_ik.read_scan(built.scan).points
+    check_place(built.design, sample, {"points": 8000, "in_a_neighbourhood": 6000}, built.scan)
     with pytest.raises(Looked):
-        sample.check(built.design, {"points": 8000, "in_a_neighbourhood": 2000}, built.scan)
+        check_place(built.design, sample, {"points": 8000, "in_a_neighbourhood": 2000}, built.scan)
 
 
 def test_a_bad_scan_leaves_what_an_earlier_run_found(built, done, tmp_path):
