@@ -13,6 +13,7 @@ from typing import Any, Literal, NamedTuple
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.asbuilt.directrix import smooth_directrix
 from linear_ik.asbuilt.draft import Draft
 from linear_ik.asbuilt.profiles import profile_entity
 from linear_ik.asbuilt.shape import BentShape, skin
@@ -73,10 +74,15 @@ def _extrusions(draft: Draft, shape: BentShape, T: Array, designed: Any) -> Item
 
 def _disk(draft: Draft, shape: BentShape, T: Array) -> Items:  # noqa: N803
     section = shape.element.profile
-    points = [draft.lengths(p) for p in _moved(shape.nodes_m, T)]
+    line = smooth_directrix(_moved(shape.nodes_m, T), section.radius)  # type: ignore[attr-defined]
+    pieces = [
+        draft.make("IfcArcIndex" if arc else "IfcLineIndex", wrappedValue=tuple(i + 1 for i in run))
+        for run, arc in zip(line.runs, line.arcs, strict=True)
+    ]
     directrix = draft.make(
         "IfcIndexedPolyCurve",
-        Points=draft.make("IfcCartesianPointList3D", CoordList=points),
+        Points=draft.make("IfcCartesianPointList3D", CoordList=[draft.lengths(p) for p in line.points_m]),
+        Segments=pieces,
         SelfIntersect=False,
     )
     inner: dict[str, float] = {}
