@@ -8,6 +8,7 @@ such arc stays near the node, the corner stays: there a kernel's mitre is sound.
 
 from __future__ import annotations
 
+import math
 from dataclasses import dataclass
 
 import numpy as np
@@ -24,7 +25,7 @@ LEAST_RADIUS = 1.1
 # A kink of which the arc would pass its node farther away stays a corner,
 MOST_FROM_NODE_M = 3e-4
 # if it is no smaller: IfcOpenShell takes up to 8 degrees for smooth and sweeps them without a mitre.
-LEAST_CORNER_RAD = np.radians(10.0)
+LEAST_CORNER_RAD = math.radians(10.0)
 # A smaller kink is none, and its arc would be lost in rounding.
 STRAIGHT_RAD = 1e-8
 # An arc takes at most this part of a segment; straight pieces between arcs keep them apart.
@@ -57,9 +58,12 @@ def smooth_directrix(nodes_m: Array, radius_m: float) -> Directrix:
     legs = np.diff(nodes, axis=0)
     lengths = np.linalg.norm(legs, axis=1)
     along = legs / lengths[:, None]
-    points, runs, arcs, run = [nodes[0]], [], [], [0]
+    points: list[Array] = [nodes[0]]
+    runs: list[tuple[int, ...]] = []
+    arcs: list[bool] = []
+    run = [0]
     for node, u, v, room in zip(nodes[1:-1], along[:-1], along[1:], np.minimum(lengths[:-1], lengths[1:]), strict=True):
-        arc = _arc(node, u, v, MOST_OF_SEGMENT * room, radius_m)
+        arc = _arc(node, u, v, MOST_OF_SEGMENT * float(room), radius_m)
         if arc is None:
             points.append(node)
             run.append(len(points) - 1)
@@ -83,14 +87,15 @@ def _arc(node: Array, u: Array, v: Array, room_m: float, radius_m: float) -> lis
         room_m: how much of each leg the arc may take.
         radius_m: of the disk.
     """
-    angle = np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v)
+    angle = float(np.arctan2(np.linalg.norm(np.cross(u, v)), u @ v))
     if angle < STRAIGHT_RAD:
         return None
     # Between its tangent points t before and behind the node, an arc has the radius t / tan(angle / 2) and passes
     # the node t * tan(angle / 4) away.
-    tangent = min(room_m, max(FROM_NODE_M / np.tan(angle / 4), LEAST_RADIUS * radius_m * np.tan(angle / 2)))
-    away = tangent * np.tan(angle / 4)
-    if angle > LEAST_CORNER_RAD and (away > MOST_FROM_NODE_M or tangent < radius_m * np.tan(angle / 2)):
+    half, quarter = math.tan(angle / 2), math.tan(angle / 4)
+    tangent = min(room_m, max(FROM_NODE_M / quarter, LEAST_RADIUS * radius_m * half))
+    away = tangent * quarter
+    if angle > LEAST_CORNER_RAD and (away > MOST_FROM_NODE_M or tangent < radius_m * half):
         return None
     inward = (v - u) / np.linalg.norm(v - u)
     return [node - tangent * u, node + away * inward, node + tangent * v]
