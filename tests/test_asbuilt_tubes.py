@@ -64,6 +64,11 @@ def elbow(section: Circle | CircleHollow, radius_m: float = 0.4) -> FitResult:
     return result_of(element, element.design.angles_rad + noise(36, 2e-4))
 
 
+def wide_bend(section: Circle | CircleHollow) -> FitResult:
+    """An elbow of which each kink becomes an arc; those of the tight one stay corners."""
+    return elbow(section, 0.8)
+
+
 def drawn(path: Path, deflection: float | None) -> tuple[np.ndarray, np.ndarray]:
     """What the kernel makes of the column, read anew: vertices [V][3], triangles [T][3]."""
     import ifcopenshell.geom
@@ -108,7 +113,7 @@ def written(folder: Path, schema: str, result: FitResult) -> Path:
 
 
 @pytest.mark.parametrize("section", [TUBE, BAR], ids=["tube", "bar"])
-@pytest.mark.parametrize("shape", [sagging, s_bend, one_kink, elbow])
+@pytest.mark.parametrize("shape", [sagging, s_bend, one_kink, elbow, wide_bend])
 def test_a_kernel_draws_round_members_closed_and_whole(tmp_path: Path, shape, section) -> None:
     result = shape(section)
     nodes = result.nodes_m
@@ -137,6 +142,14 @@ def test_a_kernel_draws_round_members_closed_and_whole(tmp_path: Path, shape, se
     )
     # The column's own coordinates are the model's.
     assert from_line_m(nodes, directrix(disk, 0.001)).max() < 0.0005
+
+
+def test_bends_are_arcs_where_an_arc_stays_near_and_corners_where_none_does() -> None:
+    kinks = {shape: smooth_directrix(shape(TUBE).nodes_m, TUBE.radius) for shape in (sagging, wide_bend, elbow)}
+    assert sum(kinks[sagging].arcs) == 13 and max(len(run) for run in kinks[sagging].runs) == 3
+    assert max(len(run) for run in kinks[wide_bend].runs) == 3
+    # A straight piece with corners in it.
+    assert max(len(run) for run, arc in zip(kinks[elbow].runs, kinks[elbow].arcs, strict=True) if not arc) > 5
 
 
 @pytest.mark.parametrize("shape", [elbow, one_kink])
