@@ -306,7 +306,8 @@ def test_files_of_others_keep_all_but_the_fitted_bodies(tmp_path: Path, path: Pa
 
 
 def test_the_file_is_valid(tmp_path: Path) -> None:
-    results = {BEAM: random_result(BEAM_ELEMENT, 1), COLUMN: random_result(TUBE, 2)}
+    pipe = Element("pipe", CircleHollow(0.1, 0.008), 4.0, 8, TUBE.placement)
+    results = {BEAM: random_result(BEAM_ELEMENT, 1), COLUMN: random_result(pipe, 2)}
     as_built(tmp_path, "IFC4", results, keep_design=True)
     messages = {}
     for path in (tmp_path / "design.ifc", tmp_path / "out" / "asbuilt.ifc"):

@@ -16,10 +16,14 @@ import numpy.typing as npt
 from linear_ik.asbuilt.draft import Draft
 from linear_ik.asbuilt.profiles import profile_entity
 from linear_ik.asbuilt.shape import BentShape, skin
+from linear_ik.asbuilt.swept_disk import swept_disk
 from linear_ik.profile import Circle, CircleHollow
 
 Array = npt.NDArray[np.float64]
 Body = Literal["extrusions", "triangles"]
+
+# Between a tube's segments of extrusions, from the tube to the middle of the gap.
+MOST_GAP_M = 1e-3
 
 
 class Items(NamedTuple):
@@ -36,14 +40,16 @@ def body_items(draft: Draft, shape: BentShape, T_product_model: Array, body: Bod
         draft: the file.
         shape: in the model's coordinates.
         T_product_model: [4][4] from the model's coordinates to the product's, metres.
-        body: "extrusions": one a segment; of a round section in IFC4 and later one swept disk; of a tapered
-            element triangles. "triangles": an IfcTriangulatedFaceSet, in IFC2X3 an IfcFacetedBrep.
+        body: "extrusions": one a segment; of a round section one swept disk, in IFC2X3 only where the extrusions
+            would gape by more than 1 mm on either side of a kink; of a tapered element triangles. "triangles": an
+            IfcTriangulatedFaceSet, in IFC2X3 an IfcFacetedBrep.
         designed: IfcProfileDef of the designed body, or None.
     """
     if body == "triangles" or shape.element.is_tapered:
         return _triangles(draft, shape, T_product_model)
-    if isinstance(shape.element.profile, (Circle, CircleHollow)) and draft.schema != "IFC2X3":
-        return _disk(draft, shape, T_product_model)
+    section = shape.element.profile
+    if isinstance(section, (Circle, CircleHollow)) and (draft.schema != "IFC2X3" or _gapes(shape, section.radius)):
+        return Items("AdvancedSweptSolid", [swept_disk(draft, _moved(shape.nodes_m, T_product_model), section)])
     return _extrusions(draft, shape, T_product_model, designed)
 
 
@@ -71,21 +77,6 @@ def _extrusions(draft: Draft, shape: BentShape, T: Array, designed: Any) -> Item
     return Items("SweptSolid", items)
 
 
-def _disk(draft: Draft, shape: BentShape, T: Array) -> Items:  # noqa: N803
-    section = shape.element.profile
-    points = [draft.lengths(p) for p in _moved(shape.nodes_m, T)]
-    directrix = draft.make(
-        "IfcIndexedPolyCurve",
-        Points=draft.make("IfcCartesianPointList3D", CoordList=points),
-        SelfIntersect=False,
-    )
-    inner: dict[str, float] = {}
-    if isinstance(section, CircleHollow):
-        inner = {"InnerRadius": draft.length(section.radius - section.wall_thickness)}
-    radius = draft.length(section.radius)  # type: ignore[attr-defined]
-    return Items("AdvancedSweptSolid", [draft.make("IfcSweptDiskSolid", Directrix=directrix, Radius=radius, **inner)])
-
-
 def _triangles(draft: Draft, shape: BentShape, T: Array) -> Items:  # noqa: N803
     vertices, triangles = skin(shape)
     vertices = _moved(vertices, T)
@@ -102,6 +93,13 @@ def _triangles(draft: Draft, shape: BentShape, T: Array) -> Items:  # noqa: N803
         bound = draft.make("IfcFaceOuterBound", Bound=loop, Orientation=True)
         faces.append(draft.make("IfcFace", Bounds=[bound]))
     return Items("Brep", [draft.make("IfcFacetedBrep", Outer=draft.make("IfcClosedShell", CfsFaces=faces))])
+
+
+def _gapes(shape: BentShape, radius_m: float) -> bool:
+    """Say whether square cuts leave a gap anywhere that is seen."""
+    along = shape.rotations[:, :, 2]
+    turn = np.arccos(np.clip((along[1:] * along[:-1]).sum(axis=1), -1.0, 1.0))
+    return bool((radius_m * np.tan(turn / 2) > MOST_GAP_M).any())
 
 
 def _moved(points: Array, T: Array) -> Array:  # noqa: N803

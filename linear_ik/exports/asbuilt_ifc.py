@@ -49,8 +49,9 @@ def write_asbuilt_ifc(
         results: GlobalId -> result, in the model's coordinates.
         out_path: the new file; may be the design's.
         body: "extrusions": one a segment with the design's own profile, cut square, so that at a kink of angle a
-            neighbours overlap or gap by tan(a / 2) times the half depth; in IFC4 and later a round section
-            is one IfcSweptDiskSolid; a tapered one is triangulated. "triangles": one closed mesh, mitred
+            neighbours overlap or gap by tan(a / 2) times the half depth; a round section is one IfcSweptDiskSolid along
+            a line with an arc at each kink (in IFC2X3 where square cuts would gap by more than 1 mm); a tapered one
+            is triangulated. "triangles": one closed mesh, mitred
             (IfcTriangulatedFaceSet, in IFC2X3 IfcFacetedBrep).
         keep_design: keep each replaced body as a second representation with the identifier Reference.
         when: date of the results; now when left out.
