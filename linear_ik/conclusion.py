@@ -10,10 +10,11 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.assessment import assess_segments, cloud_rmse, judge, listed, spread, unobservable
-from linear_ik.chain import BASE
+from linear_ik.chain import BASE, Pose
 from linear_ik.coordinates import length_hint
 from linear_ik.curved_segments import sagittas
 from linear_ik.descent import Log, known_terms
+from linear_ik.design_axis import bulges_m
 from linear_ik.doubts import (
     beside_all_along,
     doubts,
@@ -38,6 +39,7 @@ Array = npt.NDArray[np.float64]
 Mask = npt.NDArray[np.bool_]
 
 SLID_M = 0.006
+CHORD_SHARE = 2.0 / 3.0  # of a parabola's height: its mean over the chord
 
 
 def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, clock: Clock) -> FitResult:
@@ -60,6 +62,8 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
         if (too_long := length_hint(scan.points, problem.element.length_m)) is not None:
             reasons += (Reason("length_unit", too_long),)
         return absent(problem, reasons, settings, log, clock)
+    # The design's own chords are no doubt of the fit.
+    node_covariance += chord_covariance(problem, pose)
     reasons += tuple(doubted(settled, scan, settings))
     rmse_m = cloud_rmse(problem, pose, settled.tally, settled.some[settled.pairs.order[settled.matched]], settings.seed)
     clock.lap("assess")
@@ -79,6 +83,21 @@ def conclude(settled: Settled, scan: Scan, settings: FitSettings, log: Log, cloc
         unobservable=unobservable(problem, pose, node_covariance),
         section_scale=tuple(settled.misfit.scale.tolist()) if settled.misfit and settled.misfit.plausible else None,
     )
+
+
+def chord_covariance(problem: Problem, pose: Pose) -> Array:
+    """Return what the chords of a curved design add to the covariance of the nodes [N+1][3][3], element's frame.
+
+    The points make each segment the chord that lies amid the curve, with its ends outside it by two thirds of the
+    bulge. As built the curve may be another one: that is no correction, but as unsure the nodes are.
+    """
+    points = problem.element.axis_points
+    if points is None:
+        return np.zeros((pose.n_segments + 1, 3, 3))
+    bulge_m = np.einsum("kij,kj->ki", pose.rotations, bulges_m(points, problem.element.design))
+    each = np.concatenate([bulge_m[:1], bulge_m, bulge_m[-1:]])
+    off_m = CHORD_SHARE * 0.5 * (each[:-1] + each[1:])
+    return np.asarray(off_m[:, :, None] * off_m[:, None, :])
 
 
 def doubted(settled: Settled, scan: Scan, settings: FitSettings) -> Iterator[Reason]:

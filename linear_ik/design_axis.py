@@ -112,6 +112,22 @@ def follow(points: Points, segments: int) -> DesignAxis:
     return DesignAxis(nodes, np.array(rotations), np.array(angles), chord_m)
 
 
+def bulges_m(points: Points, axis: DesignAxis) -> Array:
+    """Return how far [N][3] the polyline is from each chord of the chain that follows it, where it is farthest.
+
+    In the segment's frame, from the chord to the polyline.
+    """
+    corners, out = np.array(points), np.zeros((len(axis.rotations), 3))
+    for k, R in enumerate(axis.rotations):
+        local = (corners - axis.nodes_m[k]) @ R
+        away_m = np.hypot(local[:, 0], local[:, 1])
+        # Other stretches of a line that turns back are no part of this one.
+        beside = (local[:, 2] > 0.0) & (local[:, 2] < axis.segment_length_m) & (away_m < 0.5 * axis.segment_length_m)
+        if beside.any():
+            out[k, :2] = local[np.where(beside, away_m, -1.0).argmax(), :2]
+    return out
+
+
 def _walk(corners: Array, chord_m: float, steps: int) -> tuple[Array, float]:
     """Return the nodes [steps + 1][3] of equal chords from the start, and how far along the polyline they reach.
 

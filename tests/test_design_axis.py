@@ -191,3 +191,36 @@ def test_the_viewer_shows_the_curve():
     assert corners[:, 0].max() == pytest.approx(2.0, abs=0.06)
     np.testing.assert_array_equal(designed_nodes_m(ARC), ARC.design.nodes_m)
     assert axis_distances_m(ARC, ARC.design.nodes_m + [0, 0.1, 0]) == pytest.approx(0.1)
+
+
+def test_nodes_of_a_true_curve_are_off_by_no_more_than_their_chords_leave_them():
+    """As built a bend is smooth: nodes of its chords stand two thirds of the bulge outside it, and say so."""
+    turns, radius_m, noise_m = np.pi / 2, 0.4, 0.0015
+    bend = arc(radius_m, 90.0)
+    line = ((0, 0, -1.0), *bend, (radius_m + 1.0, 0, radius_m))
+    pipe = along(Circle(0.08), tuple((x, y, z + 1.0) for x, y, z in line), 40, start="free")
+    rng = np.random.default_rng(1)
+    where, around = rng.uniform(0, 2 + radius_m * turns, 12_000), rng.uniform(0, 2 * np.pi, 12_000)
+
+    def axis(s):
+        t = np.clip((s - 1.0) / radius_m, 0, turns)
+        before, after = np.minimum(s, 1.0), np.maximum(s - 1.0 - radius_m * turns, 0.0)
+        x, z = radius_m * (1 - np.cos(t)) + after, before + radius_m * np.sin(t)
+        inwards = np.column_stack([np.cos(t), np.zeros(len(t)), -np.sin(t)])
+        return np.column_stack([x, np.zeros(len(t)), z]), inwards
+
+    middle, inwards = axis(where)
+    outwards = np.cos(around)[:, None] * inwards + np.sin(around)[:, None] * [0.0, 1.0, 0.0]
+    points = middle + (0.08 + noise_m * rng.standard_normal((len(where), 1))) * outwards
+    result = linear_ik.fit(pipe, linear_ik.Scan(points))
+    assert result.status in ("converged", "uncertain"), result.reasons
+    fine, _ = axis(np.linspace(0, 2 + radius_m * turns, 10_001))
+    inner = slice(2, -2)
+    off = result.nodes_m[inner, None] - fine[None]
+    nearest = np.einsum("kfi,kfi->kf", off, off).argmin(axis=1)
+    off = off[np.arange(len(off)), nearest]
+    size_m = np.linalg.norm(off, axis=1)
+    unit = off / size_m[:, None]
+    sd_m = np.sqrt(np.einsum("ki,kij,kj->k", unit, result.nodes_covariance_m2[inner], unit))
+    assert 0.0007 < size_m.max() < 0.0013, "the chords' own"
+    assert (size_m < 3.0 * sd_m).all()
