@@ -2,6 +2,7 @@
 
 from __future__ import annotations
 
+import csv
 import os
 from collections.abc import Callable, Mapping
 from dataclasses import dataclass, replace
@@ -22,6 +23,7 @@ Array = npt.NDArray[np.float64]
 Correction = Literal["holm", "fdr", "none"]
 Source = str | os.PathLike[str] | Mapping[str, FitResult] | FitResult
 
+TABLE = "elements.csv"
 LEVEL = 0.05
 RELEVANT_M = 0.01
 
@@ -66,7 +68,7 @@ def compare(
     Args:
         before: a folder of results (``elements/*.json``), one result file, results by GlobalId, or one result.
         after: the same of the later epoch; elements are matched by the GlobalId in their files, else by file
-            name, two single results with each other.
+            name, two single results with each other. Tags and classes come from the folders' ``elements.csv``.
         level: of significance, 0 to 1.
         correction: for the number of elements, see `Comparison`.
         relevant_m: an element whose 95 % band across reaches farther and that shows no movement is inconclusive.
@@ -100,6 +102,9 @@ def compare(
     adjusted = adjust(np.array([movements[i].p_value for i in tested]), correction)
     for i, p in zip(tested, adjusted, strict=True):
         movements[i] = judge(movements[i], float(p), level, relevant_m)
+    about = _about(before) | _about(after)
+    named = ((m, about.get(m.key, {})) for m in movements)
+    movements = [replace(m, tag=row.get("tag") or "", ifc_class=row.get("ifc_class") or "") for m, row in named]
     ordered = sorted(movements, key=lambda m: (not m.tested, m.p_value if m.tested else 0.0, -m.largest_m, m.key))
     return Comparison(tuple(ordered), shift, remove_shift, level, correction)
 
@@ -148,6 +153,22 @@ def _results(source: Source, on_file: Callable[[Path], None] | None) -> dict[str
             raise CompareError(file, f"is a second result of {key}", "one result an element")
         out[key] = light
     return out
+
+
+def _about(source: Source) -> dict[str, dict[str, str]]:
+    """Return the rows of a run's table by GlobalId; none where there is no table.
+
+    Raises:
+        CompareError: one that cannot be read.
+    """
+    table = Path(source) / TABLE if isinstance(source, (str, os.PathLike)) else None
+    if table is None or not table.is_file():
+        return {}
+    try:
+        with table.open(encoding="utf-8-sig", newline="") as file:
+            return {row.get("guid") or "": row for row in csv.DictReader(file)}
+    except (OSError, ValueError, csv.Error) as error:
+        raise CompareError(table, f"cannot be read: {error}", "a table that linear-ik fit wrote") from None
 
 
 def _is_folder(source: Source) -> bool:

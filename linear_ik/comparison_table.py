@@ -18,7 +18,7 @@ from linear_ik.common_shift import CommonShift
 from linear_ik.compare import Comparison
 from linear_ik.deviation_bands import BAND_95
 from linear_ik.errors import OutputError
-from linear_ik.movement import Movement
+from linear_ik.movement import Movement, Verdict
 
 SCHEMA = "linear_ik/comparison/1"
 NODES = {
@@ -26,9 +26,18 @@ NODES = {
     "fdr": "Sidak over the nodes, Benjamini-Hochberg over the elements",
     "none": "Sidak over the nodes, each element by itself",
 }
+WORDS: dict[Verdict, str] = {
+    "moved": "by more than both scans' uncertainty explains",
+    "not moved": "a movement that matters would have shown in any direction, all along it",
+    "not moved where seen": "none found, but part of it was not scanned, or one along its axis would not have shown",
+    "inconclusive": "the scans cannot tell; the line says why",
+    "absent in both": "neither scan shows it",
+}
+LEAST_P = 0.001
 COLUMNS = (
-    "key", "name", "verdict", "largest_m", "largest_band95_m", "largest_node", "largest_along_m", "largest_across_m",
-    "largest_x_m", "largest_y_m", "largest_z_m", "p_value", "p_adjusted", "status_before", "status_after", "reasons",
+    "key", "tag", "ifc_class", "name", "verdict", "largest_m", "largest_band95_m",
+    "largest_node", "largest_along_m", "largest_across_m", "largest_x_m", "largest_y_m", "largest_z_m",
+    "p_value", "p_adjusted", "status_before", "status_after", "reasons",
     "unseen_along_m", "unseen_across_m", "nodes", "nodes_not_tested",
 )  # fmt: skip
 
@@ -92,32 +101,34 @@ def comparison_lines(comparison: Comparison, most: int | None = None) -> list[st
     """Return a table of the elements, the most significant first, and what it stands on."""
     counts = Counter(m.verdict for m in comparison.elements)
     total = len(comparison.elements)
-    seen = counts["not moved where seen"]
-    where_seen = f"{seen} not moved where seen, " if seen else ""
+    always: tuple[Verdict, ...] = ("moved", "not moved", "inconclusive")
+    said = [(word, counts[word]) for word in WORDS if counts[word] or word in always]
+    (_, moved), *others = said
     lines = [
-        f"{counts['moved']} of {total} moved, {counts['not moved']} not moved, {where_seen}"
-        f"{counts['inconclusive']} inconclusive",
+        ", ".join([f"{moved} of {total} moved", *(f"{count} {word}" for word, count in others)]),
+        *(f"  {word}: {WORDS[word]}" for word, count in said if count),
         f"level {100 * comparison.level:g} %: {NODES[comparison.correction]}",
         _shift_line(comparison.shift, comparison.shift_removed),
         "",
     ]
     shown = comparison.elements[:most]
     first = max(len(v) for v in ("inconclusive", *(m.verdict for m in shown)))
-    width = max([7, *(len(_label(m)) for m in shown)])
+    labels = _labels(comparison.elements)[:most]
+    width = max([7, *map(len, labels)])
     lines.append(
         f"{'verdict':<{first}}  {'element':<{width}}  {'largest mm':>17}  {'along':>7}  {'across':>7}  {'p':>8}"
     )
-    for m in shown:
+    for m, label in zip(shown, labels, strict=True):
         if m.tested:
             k = m.largest
             figures = (
                 f"{1000 * m.largest_m:7.2f} +- {1000 * m.largest_band_m:6.2f}  {1000 * m.along_m[k]:7.2f}  "
-                f"{1000 * m.across_m[k]:7.2f}  {m.p_adjusted:8.2g}"
+                f"{1000 * m.across_m[k]:7.2f}  {_p(m.p_adjusted):>8}"
             )
         else:
             figures = f"{'-':>17}  {'-':>7}  {'-':>7}  {'-':>8}"
         why = "  " + " ".join([*m.limits, *m.reasons]) if m.limits or m.reasons else ""
-        lines.append(f"{m.verdict:<{first}}  {_label(m):<{width}}  {figures}{why}")
+        lines.append(f"{m.verdict:<{first}}  {label:<{width}}  {figures}{why}")
     if len(shown) < total:
         lines.append(f"... and {total - len(shown)} more")
     return lines
@@ -133,12 +144,25 @@ def _shift_line(shift: CommonShift | None, removed: bool) -> str:
     turned = f", turned by {math.degrees(float(np.linalg.norm(shift.rotation_rad))):.4f} degrees"
     text = f"common shift: {parts} mm{turned}; {100 * shift.share:.0f} % of {shift.elements} elements follow it"
     if removed:
-        return text + "; removed"
-    return text + ("; registration? --remove-shift takes it out" if shift.p_value < 0.01 else "")
+        return text + "; taken out of the figures below"
+    advice = " (registration? --remove-shift takes it out)" if shift.p_value < 0.01 else ""
+    return text + "; not taken out" + advice
 
 
-def _label(m: Movement) -> str:
-    return m.key if m.name in ("", m.key) else f"{m.name} {m.key}"
+def _labels(elements: tuple[Movement, ...]) -> list[str]:
+    """Return each element's tag and name, with the GlobalId where that is not enough to tell them apart."""
+    short = [" ".join(part for part in (m.tag, m.name if m.name != m.tag else "") if part) for m in elements]
+    often = Counter(short)
+    return [
+        label
+        if m.tag and often[label] == 1
+        else " ".join(part for part in (label if label != m.key else "", m.key) if part)
+        for m, label in zip(elements, short, strict=True)
+    ]
+
+
+def _p(p: float) -> str:
+    return f"<{LEAST_P:g}" if p < LEAST_P else f"{p:.2g}"
 
 
 def _row(m: Movement) -> dict[str, Any]:
@@ -146,6 +170,8 @@ def _row(m: Movement) -> dict[str, Any]:
     x, y, z = (float(v) for v in m.displacement_m[k]) if m.tested else (math.nan,) * 3
     row: dict[str, Any] = {
         "key": m.key,
+        "tag": m.tag,
+        "ifc_class": m.ifc_class,
         "name": m.name,
         "verdict": m.verdict,
         "largest_m": m.largest_m,

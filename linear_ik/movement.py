@@ -28,7 +28,7 @@ from linear_ik.element import Element
 from linear_ik.result import FitResult
 
 Array = npt.NDArray[np.float64]
-Verdict = Literal["moved", "not moved", "not moved where seen", "inconclusive"]
+Verdict = Literal["moved", "not moved", "not moved where seen", "inconclusive", "absent in both"]
 
 # Held nodes have no variance of their own; no scan tells a hundredth of a millimetre.
 LEAST_SIGMA_M = 1e-5
@@ -46,7 +46,7 @@ class Movement:
         key: what the two results have in common: the GlobalId, or the element's name.
         name: of the element.
         verdict: moved | not moved | not moved where seen (some nodes were not tested, or the band along
-            the axis is wider than what is relevant) | inconclusive.
+            the axis is wider than what is relevant) | inconclusive | absent in both (neither scan shows it).
         reasons: plain sentences: why it is inconclusive, and what else the reader should know.
         statuses: of the two fits; "absent" where an epoch has none.
         doubtful: whether a fit may be wrong in a way that its covariance does not carry.
@@ -59,6 +59,8 @@ class Movement:
         p_nodes: [M] chi-square, each node by itself.
         p_value: of the element, Sidak over its nodes; NaN where it was not tested.
         p_adjusted: corrected for the number of elements too.
+        tag: the mark that drawings use; may be empty.
+        ifc_class: such as IfcBeam; may be empty.
     """
 
     key: str
@@ -76,6 +78,8 @@ class Movement:
     p_nodes: Array
     p_value: float
     p_adjusted: float
+    tag: str = ""
+    ifc_class: str = ""
 
     @property
     def tested(self) -> bool:
@@ -171,7 +175,8 @@ def movement(key: str, before: FitResult | None, after: FitResult | None) -> Mov
         if r is not None and r.status == "not_scanned"
     ]
     if unseen or before is None or after is None:
-        return replace(empty, reasons=tuple(unseen))
+        nowhere = all(status in ("absent", "not_scanned") for status in statuses)
+        return replace(empty, reasons=tuple(unseen), verdict="absent in both" if nowhere else "inconclusive")
     count = max(before.element.segments, after.element.segments)
     way, about_the_design = _designs(before.element, after.element)
     seen = _seen(before, count) & _seen(after, count)[way]

@@ -198,6 +198,19 @@ def test_what_is_no_scan_file(name, here, capfd):
     refused(here, capfd, ["view", "good.yaml", name, "--html", "new/page.html"], name)
 
 
+def test_a_scan_in_the_designs_place(here, capfd):
+    for swapped in (["fit", "good.ply", "hall.ifc", "-o", "old.out"], ["align", "good.ply", "hall.ifc", "-o", "T.txt"]):
+        refused(here, capfd, swapped, "good.ply", "is a scan; the design comes first (the design, then its scans)")
+
+
+def test_a_folder_or_a_text_in_a_scans_place(here, capfd):
+    Path("scans").mkdir()
+    Path("text.e57").write_text("no scan")
+    refused(here, capfd, ["fit", "good.yaml", "scans", "-o", "old.out"], "scans", "is a folder (a scan file: .asc, ")
+    said = refused(here, capfd, ["fit", "good.yaml", "text.e57", "-o", "old.out"], "text.e57", "is no E57 file")
+    assert "begin with ASTM-E57" in said
+
+
 def test_a_pipe_that_nobody_writes_to(here, capfd):
     os.mkfifo("pipe.ply")
     before = sorted(os.listdir())

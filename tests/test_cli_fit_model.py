@@ -18,7 +18,7 @@ from command import run
 
 import linear_ik
 from linear_ik.cli import main
-from linear_ik.cli.fit_model import read_transform, summary
+from linear_ik.cli.fit_model import _Talk, read_transform, summary
 from linear_ik.errors import LinearIkError
 
 sys.path.insert(0, str(Path(__file__).parent.parent / "scripts"))
@@ -50,7 +50,7 @@ def fitted(frame, tmp_path_factory):
     ]
     out = tmp_path_factory.mktemp("out") / "new" / "asbuilt"
     few = ["--only", ",".join(chosen), "--segments", 6]
-    done = run("fit", folder / "design.ifc", folder / "site.laz", "-o", out, *few, "--workers", 0)
+    done = run("fit", folder / "design.ifc", folder / "site.laz", "-o", out, *few, "--workers", 1)
     return done, out, chosen
 
 
@@ -91,7 +91,7 @@ def test_a_design_of_the_same_name_elsewhere_is_refused(frame, fitted, tmp_path,
     _, folder = frame
     other = tmp_path / "design.ifc"
     other.write_bytes((folder / "design.ifc").read_bytes())
-    assert main(["fit", str(other), str(folder / "site.laz"), "-o", str(fitted[1]), "--workers", "0"]) == 2
+    assert main(["fit", str(other), str(folder / "site.laz"), "-o", str(fitted[1]), "--workers", "1"]) == 2
     assert f"is of a run with {(folder / 'design.ifc').resolve()}, and would be replaced" in capsys.readouterr().err
 
 
@@ -115,6 +115,7 @@ def test_the_person_is_told_what_was_found(fitted):
     assert "asbuilt.ifc" in lines[-1]
 
 
+KEPT = "what is finished is kept: type the line again to go on\n"
 # Long enough after a result for somebody to press Ctrl-C, however busy the machine.
 PAUSING = """
 import signal, time
@@ -131,7 +132,8 @@ main()
 """
 
 
-def test_ctrl_c_leaves_what_is_finished_and_nothing_half(frame, fitted, tmp_path):
+@pytest.mark.parametrize(("number", "code"), [(signal.SIGINT, 130), (signal.SIGTERM, 143)], ids=["Ctrl-C", "kill"])
+def test_ctrl_c_leaves_what_is_finished_and_nothing_half(frame, fitted, tmp_path, number, code):
     _, folder = frame
     out = tmp_path / "asbuilt"
     arguments = ["fit", folder / "design.ifc", folder / "site.laz", "-o", out, "--only", ",".join(fitted[2])]
@@ -146,13 +148,16 @@ def test_ctrl_c_leaves_what_is_finished_and_nothing_half(frame, fitted, tmp_path
     deadline = time.monotonic() + 100
     while not list((out / "elements").glob("[!.]*.json")) and time.monotonic() < deadline:
         time.sleep(0.01)
-    # As a terminal does it: to every process of the command.
-    os.killpg(process.pid, signal.SIGINT)
+    if number == signal.SIGINT:
+        # As a terminal does it: to every process of the command.
+        os.killpg(process.pid, number)
+    else:
+        process.send_signal(number)
     stdout, stderr = process.communicate(timeout=60)
-    assert (process.returncode, stdout, stderr) == (130, "", "interrupted\n")
+    assert (process.returncode, stdout, stderr) == (code, "", KEPT + "interrupted\n")
     assert len(list((out / "elements").iterdir())) == 1
     assert not list(out.rglob(".linear_ik-*"))
-    again = run(*arguments, "--workers", 0)
+    again = run(*arguments, "--workers", 1)
     assert again.returncode == 0, again.stderr
     for guid in fitted[2]:
         results = [json.loads((o / "elements" / f"{guid}.json").read_text()) for o in (out, fitted[1])]
@@ -211,7 +216,7 @@ def test_nothing_of_it_in_the_scan_is_exit_code_3(frame, tmp_path):
     far = tmp_path / "far.ply"
     linear_ik.write_scan(linear_ik.Scan(np.random.default_rng(0).uniform(500, 510, (100, 3))), far)
     out = tmp_path / "out"
-    done = run("fit", folder / "design.ifc", far, "-o", out, "--class", "IfcPipeSegment", "--workers", 0)
+    done = run("fit", folder / "design.ifc", far, "-o", out, "--class", "IfcPipeSegment", "--workers", 1)
     assert done.returncode == 3, done.stderr
     report = json.loads((out / "run.json").read_text())
     assert report["counts"] == {"elements": 1, "not_scanned": 1}
@@ -220,10 +225,14 @@ def test_nothing_of_it_in_the_scan_is_exit_code_3(frame, tmp_path):
 @pytest.mark.parametrize(
     ("more", "line"),
     [
-        (["--only", ""], "error: --only: names no element (GlobalIds, separated by commas)"),
-        (["--only", " nobody, "], "error: --only: nobody is not in the design (a GlobalId)"),
-        (["--class", "IfcSlab"], "error: --class: IfcSlab is not in the design (IfcBeam, IfcColumn, IfcPipeSegment)"),
-        (["--workers", "-2"], "error: --workers: -2 (a whole number from 0 to 1000)"),
+        (["--only", ""], "error: --only: names no element (GlobalIds or tags, separated by commas)"),
+        (["--only", " nobody, "], "error: --only: nobody is not in the design (a GlobalId, tag or name"),
+        (
+            ["--class", "IfcSlab"],
+            "error: --class: IfcSlab is not a class of its linear elements (IfcBeam, IfcColumn, IfcPipeSegment)",
+        ),
+        (["--workers", "-2"], "error: --workers: -2 (a whole number from 1 to 1000)"),
+        (["--workers", "0"], "error: --workers: 0 (a whole number from 1 to 1000)"),
         (["--memory", "1"], "error: --memory: 1.0 (a number from 16 to 1e+06)"),
         (["--urdf", "x.urdf"], "error: --urdf: is for one element (not with a design model)"),
         (["--inverse"], "error: --inverse: given without --transform (--transform T.txt)"),
@@ -290,6 +299,18 @@ def test_a_transform_is_read_and_turned_round(tmp_path):
         (tmp_path / "T.txt").write_text(text)
         with pytest.raises(LinearIkError, match=why):
             read_transform(tmp_path / "T.txt")
+
+
+def test_an_estimate_says_what_it_does_not_count(monkeypatch):
+    said = []
+    talk = _Talk(quiet=True)
+    monkeypatch.setattr(talk.progress, "update", said.append)
+    talk("fitting", 3, 12, 130.0)
+    talk("colouring the scan", 5000, 9000, float("nan"))
+    assert said == [
+        "fitting: 3 of 12 elements, 2:10 left, then settling and colouring",
+        "colouring the scan: 5,000 of 9,000",
+    ]
 
 
 def test_failures_are_named(tmp_path):

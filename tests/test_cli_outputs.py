@@ -27,7 +27,7 @@ def test_outputs_are_checked_before_the_work(folder, tmp_path, capsys, monkeypat
         (folder / "scan.ply", "files that are read"),
         (folder / "beam.yaml", "files that are read"),
         (tmp_path / "link.json", "files that are read"),
-        (Path("/proc/nothing/r.json"), "cannot be written"),
+        (Path("/proc/nothing/r.json"), "nothing can be written in /proc: "),
         (tmp_path / ("x" * 300), "cannot be written"),
     ):
         for arguments in ([path], [tmp_path / "r.json", *more, str(path)]):

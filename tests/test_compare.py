@@ -274,7 +274,7 @@ def test_a_common_shift_is_reported_and_can_be_removed() -> None:
     sigma = np.sqrt(np.diag(result.shift.covariance))
     assert (np.abs(result.shift.translation_m - expected) < 4 * sigma[:3]).all()
     assert (np.abs(result.shift.rotation_rad - turn) < 4 * sigma[3:]).all()
-    assert "registration? --remove-shift" in comparison_lines(result)[2]
+    assert any("registration? --remove-shift" in line for line in comparison_lines(result))
     cleared = compare(before, after, remove_shift=True)
     assert {m.key for m in cleared.elements if m.verdict == "moved"} == set(list(after)[::10])
 
@@ -304,7 +304,10 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path, capsys: pyt
     assert main(["compare", *folders, "-o", str(tmp_path / "new" / "c.csv")]) == 0
     out = capsys.readouterr().out
     assert out.startswith("1 of 5 moved, 3 not moved, 1 inconclusive\n") and "Sidak" in out
-    assert [line.split()[0] for line in out.splitlines()[5:]] == ["moved", "not", "not", "not", "inconclusive"]
+    assert "registration? --remove-shift" not in out and "follow it; not taken out\n" in out
+    assert "  moved: by more than both scans' uncertainty explains\n" in out and " <0.001" in out
+    after_head = out.split(" p\n")[1]
+    assert [line.split()[0] for line in after_head.splitlines()] == ["moved", "not", "not", "not", "inconclusive"]
     rows = list(csv.DictReader((tmp_path / "new" / "c.csv").open()))
     assert rows[0]["key"] == "G0003" and float(rows[0]["largest_m"]) == pytest.approx(0.0346, abs=0.005)
     sure = next(row for row in rows if row["verdict"] == "not moved")
@@ -315,6 +318,28 @@ def test_the_command_prints_a_table_and_writes_files(tmp_path: Path, capsys: pyt
     assert capsys.readouterr().out == ""
     whole = json.loads((tmp_path / "c.json").read_text())
     assert whole["elements"][0]["verdict"] == "moved" and len(whole["elements"][0]["displacement_m"]) == 11
+
+
+def test_elements_are_called_by_their_tags(tmp_path: Path, capsys: pytest.CaptureFixture) -> None:
+    rng = np.random.default_rng(7)
+    before, after = fits(5, rng, sigma=0.0002), fits(5, rng, sigma=0.0002)
+    before["G0003"] = replace(before["G0003"], element=replace(before["G0003"].element, name="M2"))
+    for of in (before, after):
+        of["G0001"] = replace(of["G0001"], status="not_scanned")
+    folders = [epoch(tmp_path / "2024", before), epoch(tmp_path / "2026", after)]
+    tags = {key: f"B{i}" for i, key in enumerate(sorted(after))} | {"G0003": "B2"}
+    rows = [f"{key},IfcBeam,{tag}" for key, tag in tags.items()]
+    (folders[1] / "elements.csv").write_text("\n".join(["guid,ifc_class,tag", *rows]) + "\n")
+    table = tmp_path / "c.csv"
+    assert main(["compare", *map(str, folders), "--remove-shift", "-o", str(table)]) == 0
+    out = capsys.readouterr().out
+    assert "; taken out of the figures below\n" in out
+    assert "0 inconclusive, 1 absent in both" in out.splitlines()[0] and "\nabsent in both  " in out
+    names = {line[16:].split("  ")[0].strip() for line in out.split(" p\n")[1].splitlines()}
+    assert {"B0 M0", "B2 M2 G0002", "B2 M2 G0003"} <= names, names
+    found = {row["key"]: row for row in csv.DictReader(table.open())}
+    assert (found["G0004"]["tag"], found["G0004"]["ifc_class"]) == ("B4", "IfcBeam")
+    assert found["G0001"]["verdict"] == "absent in both"
 
 
 def test_results_are_matched_by_the_globalid_in_them(tmp_path: Path, straight: FitResult) -> None:

@@ -5,6 +5,7 @@ from __future__ import annotations
 import csv
 import json
 import os
+import re
 import shutil
 from dataclasses import replace
 
@@ -455,6 +456,19 @@ def test_a_selection_by_class_and_guid(built, tmp_path):
     assert found.rows[0].result.element.segments == 3
 
 
+def test_an_element_is_named_by_its_tag_or_its_name_where_only_one_has_it():
+    model = design()
+    tags, names = ("C1", "C2", "B", "B", ""), ("HEA200", "HEA200", "IPE300", "purlin", "C2")
+    named = [replace(m, tag=t, name=n) for m, t, n in zip(model.members, tags, names, strict=True)]
+    model = replace(model, members=tuple(named))
+    chosen, _ = select(model, ModelFitOptions(only=["C2", "purlin", GUIDS[0]]))
+    assert [m.guid for m in chosen] == [GUIDS[0], GUIDS[1], GUIDS[3]]
+    with pytest.raises(SettingsError, match=re.escape(f"B is the tag of 2 elements (one of {GUIDS[2]}, {GUIDS[3]})")):
+        select(model, ModelFitOptions(only=["B"]))
+    with pytest.raises(SettingsError, match="HEA200 is the name of 2 elements"):
+        select(model, ModelFitOptions(only=["HEA200"]))
+
+
 def test_a_class_is_also_that_of_its_standard_case():
     model = design()
     kinds = ("IfcBeamStandardCase", "IfcBeam", "IfcColumnStandardCase", "IfcColumn", "IfcMember")
@@ -468,6 +482,7 @@ def test_wrong_choices_name_the_right_ones(built, tmp_path):
     folder = tmp_path / "none"
     cases = [
         ({"only": [GUIDS[0][:-1]]}, f"only: {GUIDS[0][:-1]} is not in the design ({GUIDS[0]}?)"),
+        ({"only": ["nobody"]}, "nobody is not in the design (a GlobalId, tag or name of one of its linear elements)"),
         ({"only": ["5plate00000000000000$_"]}, "is not fitted: it is not slender"),
         ({"classes": ["IfcSlab"]}, "IfcBeam, IfcColumn, IfcMember, IfcPipeSegment"),
         ({"only": [GUIDS[0]], "classes": ["IfcBeam"]}, "no element is in both"),

@@ -27,7 +27,7 @@ from linear_ik.readers.result_json import ResultError
 from linear_ik.report import Run, judged_member, nearby, read_run, render, write_report
 from linear_ik.report.cloud import Cloud, T_world_segments
 from linear_ik.report.svg import TOP, curve_plot, section_plot
-from linear_ik.report.words import elastic_rows, figure_rows, seen, with_band
+from linear_ik.report.words import elastic_rows, figure_rows, list_row, seen, settings_rows, with_band
 from linear_ik.result import FitResult, SegmentResult
 from linear_ik.scan import Scan
 from linear_ik.simulate import simulate
@@ -188,6 +188,39 @@ def test_the_page_says_what_matters(tmp_path: Path) -> None:
     ):
         assert what in text, what
     assert "fail" in text and "the scan was not given" in text
+
+
+def test_a_verdict_says_what_it_is_about(tmp_path: Path) -> None:
+    """A bent column stands plumb: that is no pass of the column."""
+    column = Element("c", H, 4.0, 8, COLUMN)
+    angles = bent(column, 0, 0.005)
+    angles[0, 0] -= angles[1:, 0].sum() / 2  # its ends above each other
+    bowed = judged_member(
+        posed(column, angles),
+        load_tolerances("aisc303"),
+        Conditions("unloaded"),
+        about={"ifc_class": "IfcColumn"},
+    )
+    text = re.sub(r"\s+", " ", re.sub(r"<[^>]+>", "", render(Run("r", (bowed,)))))
+    assert bowed.outcome == "pass" and bowed.deviations.bow_m.value > 0.009
+    assert "Verdict pass: plumb. Fit" in text and "pass: plumbconverged" in text
+    assert "Bridges: plumb. Nothing else was judged." in text
+    both = judged_member(
+        bowed.result, load_tolerances("nsss"), Conditions("unloaded"), about={"ifc_class": "IfcColumn"}
+    )
+    assert list_row(both)["judged"] == "straightness" and both.outcome == "fail"
+
+
+def test_settings_are_those_that_a_reader_wants(tmp_path: Path) -> None:
+    folder = write_run(tmp_path)
+    said = {"design": "site.ifc", "options": {"contest": True, "segments": None, "reach_m": 0.15}}
+    said["deviation"] = {"inputs": "be135bfe", "lowest_m": -0.01859802729359231, "low": [487123.45612345]}
+    (folder / "run.json").write_text(json.dumps(said))
+    run = read_run(folder)
+    shown = {"options.reach_m": "0.15", "deviation.lowest_m": "-0.018598", "deviation.low": "487123.456"}
+    assert run.about == {"design": "site.ifc", **shown}
+    assert run.title == f"site.ifc as built: {tmp_path.name}"
+    assert not [name for name, text in settings_rows(run.members[0]) if text in ("", "not given")]
 
 
 def test_limits_are_drawn_where_they_are_near() -> None:

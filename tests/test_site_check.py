@@ -51,7 +51,8 @@ def test_the_design_alone(site, capsys):
     out = capsys.readouterr().out
     for said in (
         "design     design.ifc: IFC4, in millimetres",
-        "EPSG:25832: origin at E 500000.000 N 5400000.000 H 100.000, X turned 36.870 degrees from east, scale 1",
+        "EPSG:25832: origin at E 500000.000 N 5400000.000 H 100.000, X turned 36.870 degrees from east, ",
+        " from east, a metre of the model is 1 m of the map\n",
         "true north is 30.00 degrees right of the model's Y",
         "elements   4 to fit",
         "3  IfcColumn  HEB200         i shape",
@@ -89,10 +90,24 @@ def test_it_says_so_in_words(site, tmp_path, capsys):
         f"scan       scan.xyz: {len(site[3]):,} points, stations unknown",
         "left out   1 point without usable coordinates, withheld or noise",
         "place      in the model's coordinates",
-        "overlap    3 of 4 elements are covered",
+        "overlap    3 of 4 elements are covered: at least half of their segments seen",
+        "density    points a metre of length: least ",
+        "           points a m2 of surface: least ",
         "not seen   C2 HEB200: ",
     ):
         assert said in out, said
+
+
+def test_a_scan_in_another_unit_is_told_the_line_to_type(site, tmp_path, capsys):
+    write_scan(Scan(site[3] * 1000), tmp_path / "scan.ply")
+    assert main(["check", str(site[1]), str(tmp_path / "scan.ply")]) == 3
+    out = capsys.readouterr().out
+    assert " m, as if in metres\n" in out
+    assert "next       type the line again with --scan-unit mm to see the overlap\n" in out
+    assert "overlap    none of 4 elements, as the scans lie\n" in out
+    assert main(["check", str(site[1]), str(tmp_path / "scan.ply"), "--scan-unit", "mm"]) == 0
+    out = capsys.readouterr().out
+    assert "as if" not in out and "overlap    3 of 4 elements are covered" in out
 
 
 def test_two_scans_cover_more_than_one(site, tmp_path, capsys):

@@ -679,5 +679,6 @@ def test_a_phone_sees_the_whole_member_and_opens_the_legend(tmp_path, lying):
             assert sum("gradient" in mark for mark in marks) == 2
             assert tab.ask("document.documentElement.scrollWidth") <= width
         said = tab.ask("document.getElementById('caption').textContent")
+        assert "status" not in said  # the heading has it
         for colour in ("blue", "yellow", "red", "grey", "X red, Y green, Z blue"):
             assert colour in said

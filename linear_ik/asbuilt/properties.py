@@ -106,7 +106,7 @@ class PropertySets:
 
     def _quantity(self, name: str, number: float, field: str) -> Any:
         if field.endswith("_rad"):
-            return self._single(name, "IfcPlaneAngleMeasure", number / self._draft.unit_rad)
+            return self._single(name, "IfcPlaneAngleMeasure", float(f"{number / self._draft.unit_rad:.6g}"))
         return self._single(name, "IfcLengthMeasure", self._draft.length(number))
 
     def _single(self, name: str, measure: str, value: str | int | float) -> Any:

@@ -8,7 +8,7 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, file_option, unit_option
+from linear_ik.cli.arguments import design_first, file_argument, file_option, unit_option
 from linear_ik.cli.outputs import check_output, is_stdout
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
@@ -52,6 +52,7 @@ def align(
 ) -> Outcome:
     """Read, align, write, and say what was found."""
     to_stdout = is_stdout(output)
+    design_first(design)
     inputs = [design, *scan, *([near] if near else [])]
     target = output if to_stdout else check_output(output, inputs)
     guess = None

@@ -6,6 +6,7 @@ comes first and names the option, so it is switched off.
 
 from __future__ import annotations
 
+from pathlib import Path
 from typing import Any
 
 import typer
@@ -46,6 +47,15 @@ def inverse_option() -> Any:
 def map_option() -> Any:
     """Return whether the design's map conversion says how the scan lies."""
     return typer.Option("--map", help="The scan is in the map's coordinates (IfcMapConversion).")
+
+
+def design_first(path: Path) -> None:
+    """Raise LinearIkError where a scan, by its ending, stands in the design's place."""
+    from linear_ik.errors import LinearIkError
+    from linear_ik.readers.registry import READERS
+
+    if path.suffix.lower() in READERS:
+        raise LinearIkError(path, "is a scan; the design comes first", "the design, then its scans")
 
 
 def file_option(*names: str, metavar: str, about: str) -> Any:

@@ -21,6 +21,7 @@ SCHEMA = "linear_ik/check/1"
 UNITS = {1.0: "metres", 0.001: "millimetres", 0.01: "centimetres", 0.3048: "feet", 0.0254: "inches"}
 THINNEST_M, THICKEST_M = 0.004, 10.0  # the median of a model's sections
 MOST_LINES = 15  # of a list; --json has all of it
+_UNIT = re.compile(r"--scan-unit ([\w-]+)")
 _SIZES = re.compile(r"[\d.]+(?: x [\d.]+)*")
 
 
@@ -38,7 +39,11 @@ def design_lines(model: DesignModel) -> list[str]:
     lines += _table([(str(n), *kind) for kind, n in sorted(kinds.items(), key=lambda one: (one[0][0], -one[1]))])
     remarks = [m for m in model.members if m.remark]
     lines += _listed("remark", [f"{_label(m)}: {m.remark}" for m in remarks])
-    lines.append(_line("left out", str(len(model.left_out)) if model.left_out else "none of the linear classes"))
+    lines.append(
+        _line(
+            "left out", str(len(model.left_out)) if model.left_out else "nothing: all of the linear classes are to fit"
+        )
+    )
     lines += _table(_reasons(model.left_out))
     if model.obstacles:
         others = Counter(o.ifc_class for o in model.obstacles)
@@ -56,10 +61,13 @@ def scan_lines(check: ScanCheck) -> list[str]:
     lines = ["", _line("scan", f"{check.name}: {check.points:,} points, {stations}")]
     if check.left_out:
         lines.append(_line("left out", no_points(check.left_out)))
-    lines.append(_line("extent", _box(check.low_m, check.high_m)))
+    unit = next((found[1] for text in check.finding.sentences if (found := _UNIT.search(text))), "")
+    lines.append(_line("extent", _box(check.low_m, check.high_m) + (", as if in metres" if unit else "")))
     lines += [_line("WARNING" if check.finding.place != "map" else "place", text) for text in check.finding.sentences]
     if check.finding.place == "model" and not check.finding.sentences:
         lines.append(_line("place", "in the model's coordinates"))
+    if check.finding.place == "elsewhere" and unit:
+        lines.append(_line("next", f"type the line again with --scan-unit {unit} to see the overlap"))
     if check.finding.place != "elsewhere":
         lines.append(_line("near", f"{near:,} points ({100 * near / check.points:.1f} %) within 50 mm of an element"))
     return lines
@@ -70,11 +78,15 @@ def coverage_lines(model: DesignModel, coverage: Sequence[Coverage]) -> list[str
     covered = [c for c in coverage if c.covered]
     lines = [
         "",
-        _line("overlap", f"{len(covered)} of {len(coverage)} elements are covered: half of their segments seen"),
+        _line(
+            "overlap", f"{len(covered)} of {len(coverage)} elements are covered: at least half of their segments seen"
+        ),
     ]
+    if not any(c.points for c in coverage):
+        lines[1] = _line("overlap", f"none of {len(coverage)} elements, as the scans lie")
     if covered:
-        per_m, per_m2 = ([getattr(c, name) for c in covered] for name in ("points_per_m", "points_per_m2"))
-        lines.append(_line("density", f"{_spread(per_m)} points a metre, {_spread(per_m2)} a m2 (least, median, most)"))
+        for label, name, of in (("density", "points_per_m", "metre of length"), ("", "points_per_m2", "m2 of surface")):
+            lines.append(_line(label, f"points a {of}: {_spread([getattr(c, name) for c in covered])}"))
     missed = [(m, c) for m, c in zip(model.members, coverage, strict=True) if not c.covered]
     if not any(c.points for c in coverage):
         return lines
@@ -153,7 +165,9 @@ def _map_lines(model: DesignModel) -> list[str]:
         angle = math.degrees(math.atan2(conversion.T_map_model[1, 0], conversion.T_map_model[0, 0]))
         scale = float(np.hypot(*conversion.T_map_model[:2, 0]))
         where = f"{conversion.crs or 'map of no name'}: origin at E {e:.3f} N {n:.3f} H {h:.3f}"
-        lines.append(f"{where}, X turned {angle:.3f} degrees from east, scale {scale:.6g}")
+        lines.append(
+            f"{where}, X turned {angle:.3f} degrees from east, a metre of the model is {scale:.6g} m of the map"
+        )
     if model.true_north is not None:
         x, y = model.true_north
         left = math.degrees(math.atan2(-x, y))
@@ -218,7 +232,7 @@ def _plain(one: Any, *names: str) -> dict[str, Any]:
 
 
 def _spread(values: list[float]) -> str:
-    return ", ".join(f"{value:,.0f}" for value in (min(values), float(np.median(values)), max(values)))
+    return f"least {min(values):,.0f}, median {float(np.median(values)):,.0f}, most {max(values):,.0f}"
 
 
 def _box(low: np.ndarray, high: np.ndarray) -> str:

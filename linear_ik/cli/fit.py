@@ -8,6 +8,7 @@ from typing import TYPE_CHECKING, Annotated, Literal
 import typer
 
 from linear_ik.cli.arguments import (
+    design_first,
     file_argument,
     file_option,
     inverse_option,
@@ -103,7 +104,7 @@ def fit(
     scan_unit: Annotated[str | None, unit_option()] = None,
     quiet: Annotated[bool, typer.Option("--quiet", "-q", help="No summary and no progress.")] = False,
     only: Annotated[
-        str | None, typer.Option("--only", metavar="GUID,...", help=FOR_MODELS + "fit these elements.")
+        str | None, typer.Option("--only", metavar="GUID|TAG,...", help=FOR_MODELS + "fit these elements.")
     ] = None,
     classes: Annotated[
         list[str] | None, typer.Option("--class", metavar="IfcBeam", help="Fit this class; repeatable.")
@@ -132,12 +133,18 @@ def fit(
     overwrite: Annotated[
         bool, typer.Option("--overwrite", help="Replace files in the folder that no run of this design wrote.")
     ] = False,
-    workers: Annotated[int | None, typer.Option("--workers", help="Processes; one a core.")] = None,
+    workers: Annotated[
+        int | None, typer.Option("--workers", metavar="N", help="Processes, 1 and up; one a core when left out.")
+    ] = None,
     scheduler: Annotated[
         str | None, typer.Option("--scheduler", metavar="tcp://HOST:8786", help="A Dask cluster in place of them.")
     ] = None,
 ) -> Outcome:
     """Tell an element from a model, and hand over what was asked for."""
+    if workers is not None and workers < 1:
+        # 0 is for Python, whose caller may not have processes made.
+        raise SettingsError("--workers", str(workers), "a whole number from 1 to 1000")
+    design_first(element)
     from linear_ik.cli.fit_element import Wanted, fit_one
     from linear_ik.cli.fit_model import fit_building, is_model, refuse
 

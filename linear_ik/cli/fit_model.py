@@ -25,6 +25,8 @@ if TYPE_CHECKING:
 SUFFIXES = (".ifc", ".ifczip", ".ifcxml")
 # Without a terminal: a line for a log, not one an element.
 LINE_EVERY_S = 30.0
+# What an estimate does not count.
+THEN = {"fitting": ", then settling and colouring", "settling between neighbours": ", then colouring"}
 OPTIONS = {
     "classes": "--class",
     "T_model_scan": "--transform",
@@ -79,7 +81,7 @@ def fit_building(
     given = {name: value for name, value in options.items() if value is not None}
     given["T_model_scan"] = transform_given(transform, inverse)
     if given.get("only") == ():
-        raise LinearIkError("--only", "names no element", "GlobalIds, separated by commas")
+        raise LinearIkError("--only", "names no element", "GlobalIds or tags, separated by commas")
     from linear_ik.model_fit import ModelFitOptions, fit_model
 
     talk = _Talk(quiet)
@@ -87,6 +89,10 @@ def fit_building(
         chosen = ModelFitOptions(**given)  # type: ignore[arg-type]
         with talk.progress.stage("reading", judges_input=True):
             found = fit_model(design, scans, folder, settings, chosen, talk)
+    except KeyboardInterrupt:
+        # Ctrl-C or SIGTERM; the last line is the one that every verb ends with.
+        print("what is finished is kept: type the line again to go on", file=sys.stderr)
+        raise
     except SettingsError as error:
         raise about_options(error, **OPTIONS) from None
     except LinearIkError as error:
@@ -158,11 +164,11 @@ class _Talk:
         self._last = time.monotonic()
 
     def __call__(self, stage: str, done: int, total: int, seconds: float) -> None:
-        text = stage
+        text, then = stage, THEN.get(stage, "")
         if done or total:
             text = f"{stage}: {done:,} of {total:,}" if total else f"{stage}: {done:,}"
         if math.isfinite(seconds):
-            text += f" elements, {_time(seconds)} left"
+            text += f" elements, {_time(seconds)} left{then}"
         self.progress.update(text)
         if self._lines and time.monotonic() - self._last > LINE_EVERY_S:
             self._last = time.monotonic()

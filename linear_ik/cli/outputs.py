@@ -94,8 +94,11 @@ def _check_folder(path: Path, folder: Path) -> None:
     if not folder.is_dir():
         raise OutputError(path, f"{folder} is no folder", "a folder, or a missing one that can be made")
     # Only trying says the truth about mounts and rights; the file has no name and is gone at once.
-    with tempfile.TemporaryFile(dir=folder):
-        pass
+    try:
+        with tempfile.TemporaryFile(dir=folder):
+            pass
+    except OSError as error:
+        raise OutputError(path, f"nothing can be written in {folder}: {_reason(error)}", "a writable place") from None
 
 
 def _reason(error: Exception) -> str:

@@ -23,11 +23,11 @@ from linear_ik.cli.outputs import check_output
 from linear_ik.cli.process import Verb, about_options
 from linear_ik.cli.progress import Progress
 
-EXAMPLE = """Example: one element with its scan; a run of many, judged by AISC 303
+EXAMPLE = """Example: one element with its scan; a run of many, its straightness judged by NSSS
 
 \b
   linear-ik report result.json --scan scan.ply -o report.html
-  linear-ik report built/ --tolerances aisc303 --loading-state self_weight --supports simple --material steel -o a.html
+  linear-ik report built/ --tolerances nsss --loading-state self_weight --supports simple --material steel -o a.html
 """
 
 
@@ -88,8 +88,13 @@ def report(
     with progress.stage("writing the report"):
         write_report(run, target, points, sections or (), lambda i, n: progress.update(f"writing element {i} of {n}"))
     if not quiet:
-        outcomes = [member.outcome or member.result.status for member in run.members]
-        counts = ", ".join(f"{outcomes.count(kind)} {kind.replace('_', ' ')}" for kind in dict.fromkeys(outcomes))
+        from linear_ik.report.words import what_judged
+
+        outcomes = [(m.outcome or m.result.status, what_judged(m.verdicts, m.outcome)) for m in run.members]
+        counts = ", ".join(
+            f"{outcomes.count((kind, what))} {kind.replace('_', ' ')}" + (f" ({what})" if what else "")
+            for kind, what in dict.fromkeys(outcomes)
+        )
         print(f"{'elements':<11}{len(run.members)}: {counts}", file=sys.stderr)
         for kind in ("fail", "inconclusive"):
             judged = [v for member in run.members for v in member.verdicts if v.outcome == kind]

@@ -114,8 +114,8 @@ def colour_scan(
         "of": "signed distance to the same face as designed, outside positive",
         "legend_m": options.legend_m,
         "points": count,
-        "lowest_m": low if count else None,
-        "highest_m": high if count else None,
+        "lowest_m": round(low, 6) if count else None,
+        "highest_m": round(high, 6) if count else None,
     }
     return out
 

@@ -31,7 +31,7 @@ class ModelFitOptions:
             tolerance apart.
         segments: of every element, in place of the design's; "auto": as many as its scan asks for.
         length_tolerance_m: of every element, in place of its own 0: how far its length may be from the design's.
-        only: GlobalIds; all when empty.
+        only: GlobalIds, or tags or names that one element has; all when empty.
         classes: such as IfcBeam; all when empty.
         scan_unit: of the files' numbers: m, mm, cm, in, ft or us-ft; None: metres, unless a file says otherwise.
         T_model_scan: [4][4] takes the scan, in metres, into the model's coordinates; None where it is in them.

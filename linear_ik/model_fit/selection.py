@@ -15,6 +15,7 @@ from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.scene import element_mesh
 
 Array = npt.NDArray[np.float64]
+MOST_NAMED = 5
 Body = tuple[Array, npt.NDArray[np.int64]]
 
 
@@ -24,7 +25,7 @@ def select(model: DesignModel, options: ModelFitOptions) -> tuple[list[Member], 
     A member that is not fitted is an obstacle, as designed.
 
     Raises:
-        SettingsError: a GlobalId or a class that the design has not.
+        SettingsError: an element or a class that the design has not.
         LinearIkError: nothing is left to fit.
     """
     if not model.members:
@@ -33,22 +34,16 @@ def select(model: DesignModel, options: ModelFitOptions) -> tuple[list[Member], 
     twice = {guid for guid in guids if guids.count(guid) > 1} if len(set(guids)) < len(guids) else set()
     if twice:
         raise LinearIkError(model.source, f"{sorted(twice)[0]} is the GlobalId of two elements", "one each")
-    left_out = {left.guid: left.reason for left in model.left_out}
-    for guid in options.only:
-        if guid in left_out:
-            raise SettingsError("only", f"{guid} is not fitted: {left_out[guid]}", "a linear element")
-        if guid not in guids:
-            near = difflib.get_close_matches(guid, guids, n=1)
-            raise SettingsError("only", f"{guid} is not in the design", f"{near[0]}?" if near else "a GlobalId")
+    only = {_guid_of(name, model) for name in options.only}
     classes = sorted({member.ifc_class for member in model.members})
     for name in options.classes:
         if _kind(name) not in (_kind(c) for c in classes):
-            raise SettingsError("classes", f"{name} is not in the design", ", ".join(classes))
+            raise SettingsError("classes", f"{name} is not a class of its linear elements", ", ".join(classes))
     wanted = {_kind(name) for name in options.classes}
     chosen: list[Member] = []
     rest: list[Member] = []
     for member in model.members:
-        fits = not options.only or member.guid in options.only
+        fits = not only or member.guid in only
         fits &= not wanted or _kind(member.ifc_class) in wanted
         (chosen if fits else rest).append(member)
     if not chosen:
@@ -64,6 +59,28 @@ def select(model: DesignModel, options: ModelFitOptions) -> tuple[list[Member], 
         mesh = element_mesh(member.element)
         bodies.append((mesh.vertices, mesh.triangles))
     return chosen, bodies
+
+
+def _guid_of(wanted: str, model: DesignModel) -> str:
+    """Return the GlobalId of the member that is meant: by its GlobalId, its tag, or its name.
+
+    Raises:
+        SettingsError: none is, several are, or it is one that is not fitted.
+    """
+    for field in ("guid", "tag", "name"):
+        found = [member.guid for member in model.members if getattr(member, field) == wanted]
+        if len(found) == 1:
+            return found[0]
+        if found:
+            several = ", ".join(found[:MOST_NAMED]) + (", ..." if len(found) > MOST_NAMED else "")
+            raise SettingsError("only", f"{wanted} is the {field} of {len(found)} elements", f"one of {several}")
+    for left in model.left_out:
+        if wanted in (left.guid, left.name):
+            raise SettingsError("only", f"{wanted} is not fitted: {left.reason}", "a linear element")
+    known = [name for member in model.members for name in (member.guid, member.tag, member.name) if name]
+    near = difflib.get_close_matches(wanted, known, n=1)
+    expected = f"{near[0]}?" if near else "a GlobalId, tag or name of one of its linear elements"
+    raise SettingsError("only", f"{wanted} is not in the design", expected)
 
 
 def _with_tolerance(member: Member, tolerance_m: float) -> Member:

@@ -19,6 +19,7 @@ from linear_ik.readers.chunk import Array, Chunk, posed
 CARTESIAN = ("cartesianX", "cartesianY", "cartesianZ")
 SPHERICAL = ("sphericalRange", "sphericalAzimuth", "sphericalElevation")
 INVALID = {CARTESIAN: "cartesianInvalidState", SPHERICAL: "sphericalInvalidState"}
+MAGIC = b"ASTM-E57"
 WHOLE = "a complete E57 file"
 
 
@@ -32,6 +33,9 @@ def read(path: Path, chunk_points: int) -> Iterator[Chunk]:
         ScanError: no E57, damaged data, scans without coordinates, or pye57 isn't installed.
     """
     pye57 = _pye57(path)
+    with path.open("rb") as begun:
+        if begun.read(len(MAGIC)) != MAGIC:
+            raise ScanError(path, f"is no E57 file: it does not begin with {MAGIC.decode()}", WHOLE)
     try:
         with pye57.E57(str(path)) as file:
             if not file.root.isDefined("data3D") or not file.scan_count:

@@ -107,7 +107,7 @@ def _reader(path: Path) -> Reader:
     try:
         mode = path.stat().st_mode
         if stat.S_ISDIR(mode):
-            raise ScanError(path, "is a folder", "a file")
+            raise ScanError(path, "is a folder", f"a scan file: {', '.join(READERS)}")
         # Opening a pipe or a device may wait for ever.
         if not stat.S_ISREG(mode):
             raise ScanError(path, "is no regular file", "a file")

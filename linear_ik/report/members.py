@@ -35,6 +35,7 @@ from linear_ik.tolerances import (
 
 Array = npt.NDArray[np.float64]
 
+NOT_SHOWN = ("deviation.inputs", "options.contest")
 RUN_EXPECTED = "the JSON that linear-ik fit wrote"
 
 
@@ -141,8 +142,10 @@ def read_run(
     if strangers:
         raise ToleranceError("conditions", f"no element {sorted(strangers)[0]!r}", "a GlobalId, tag or name of the run")
     title = ordered[0].name if len(ordered) == 1 and not source.is_dir() else source.resolve().name
+    if source.is_dir() and isinstance(said.get("design"), str):
+        title = f"{said['design']} as built: {title}"
     T = _transform(source / REPORT, said.pop("T_model_scan", None))
-    return Run(title, tuple(ordered), (*rows.values(), *unfitted), dict(_flat("", said)), T)
+    return Run(title, tuple(ordered), (*rows.values(), *unfitted), dict(_about(said)), T)
 
 
 def judged_member(
@@ -264,12 +267,24 @@ def _transform(path: Path, value: object) -> Array | None:
     return None if (T == np.eye(4)).all() else T
 
 
+def _about(said: dict[str, Any]) -> Iterator[tuple[str, str]]:
+    """Yield what of a run's own words a reader wants: no fingerprints, and nothing that was not set."""
+    return ((name, text) for name, text in _flat("", said) if text and name not in NOT_SHOWN)
+
+
 def _flat(name: str, value: Any) -> Iterator[tuple[str, str]]:
     """Yield names and values as text, nested names joined by dots."""
     if isinstance(value, dict):
         for key, inner in value.items():
             yield from _flat(f"{name}.{key}" if name else str(key), inner)
     elif isinstance(value, list):
-        yield name, ", ".join(str(v) for v in value[:20]) + (", ..." if len(value) > 20 else "")
+        yield name, ", ".join(_text(v) for v in value[:20]) + (", ..." if len(value) > 20 else "")
     else:
-        yield name, "" if value is None else str(value)
+        yield name, _text(value)
+
+
+def _text(value: Any) -> str:
+    if isinstance(value, float):
+        # Coordinates on a map keep their millimetres.
+        return f"{value:.6g}" if abs(value) < 1e5 else f"{value:.3f}"
+    return "" if value is None else str(value)

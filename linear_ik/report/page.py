@@ -23,7 +23,16 @@ from linear_ik.report.body import body_data
 from linear_ik.report.cloud import NearPoints, T_world_segments, gather
 from linear_ik.report.members import ReportedMember, Run
 from linear_ik.report.svg import curve_plot, section_plot, strip
-from linear_ik.report.words import elastic_rows, figure_rows, list_row, seen, settings_rows, verdict_row, with_band
+from linear_ik.report.words import (
+    elastic_rows,
+    figure_rows,
+    list_row,
+    seen,
+    settings_rows,
+    verdict_row,
+    what_judged,
+    with_band,
+)
 from linear_ik.scan import Scan
 from linear_ik.viewer_cloud import largest_shown_m
 
@@ -114,6 +123,7 @@ def render(
         pages=pages,
         counts=_counts(run),
         judged=any(m.verdicts for m in run.members),
+        standards=_standards(run),
         # Columns of figures are empty for what was not fitted.
         unfitted_columns=list(dict.fromkeys(k for row in run.unfitted for k, v in row.items() if v)),
         version=version("linear_ik"),
@@ -164,6 +174,13 @@ def _counts(run: Run) -> list[tuple[str, int]]:
         "converged",
     )
     return [(kind, counts[kind]) for kind in order if counts[kind]]
+
+
+def _standards(run: Run) -> list[tuple[str, str]]:
+    """Return each standard that was used, with what it judges of some member; empty: of none."""
+    every = [v for member in run.members for v in member.verdicts]
+    titles = dict.fromkeys(v.standard for v in every)
+    return [(title, what_judged(v for v in every if v.standard == title)) for title in titles]
 
 
 def _page(

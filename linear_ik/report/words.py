@@ -3,6 +3,7 @@
 from __future__ import annotations
 
 import math
+from collections.abc import Iterable
 from dataclasses import asdict
 from typing import Any
 
@@ -15,6 +16,14 @@ from linear_ik.tally import COVERAGE_RADIUS
 from linear_ik.tolerances import Verdict
 from linear_ik.tolerances.clause import ANGLES
 
+# What a clause on a figure judges, as short as a list wants it.
+JUDGED = {
+    "bow": "straightness",
+    "out_of_plumb": "plumb",
+    "end_displacement": "displacement of the end",
+    "departure": "offset from the design",
+    "length_change": "length",
+}
 NOT_KNOWN = "not known"
 NO_LEVEL = {True: "coarser", False: "none"}
 # field, label, unit, factor
@@ -118,6 +127,15 @@ def verdict_row(verdict: Verdict) -> dict[str, str]:
     }
 
 
+def what_judged(verdicts: Iterable[Verdict], outcome: str | None = None) -> str:
+    """Return what the verdicts of one outcome are about, such as "plumb, straightness"; None: all that apply.
+
+    A pass is that of what was judged, and of nothing else.
+    """
+    about = (v for v in verdicts if v.outcome != "not_applicable" and outcome in (None, v.outcome))
+    return ", ".join(dict.fromkeys(JUDGED.get(v.figure, v.figure) for v in about))
+
+
 def _allowed(verdict: Verdict, unit: str, factor: float) -> str:
     if verdict.upper is None or verdict.lower is None:
         return "none"
@@ -151,6 +169,7 @@ def list_row(member: ReportedMember) -> dict[str, Any]:
         "length": f"{result.element.length_m:.2f}",
         "status": result.status,
         "outcome": member.outcome,
+        "judged": what_judged(member.verdicts, member.outcome),
         "level": "" if member.accuracy is None else member.accuracy.level or NO_LEVEL[result.status == "converged"],
         "scanned": round(100 * sum(s.status == "measured" for s in result.segments) / len(result.segments)),
     }
@@ -167,8 +186,8 @@ def settings_rows(member: ReportedMember) -> list[tuple[str, str]]:
     rows = []
     for name, value in asdict(member.result.settings).items():
         if isinstance(value, dict):
-            rows += [(f"{name}.{key}", _said(inner)) for key, inner in value.items()]
-        else:
+            rows += [(f"{name}.{key}", _said(inner)) for key, inner in value.items() if inner is not None]
+        elif value is not None:
             rows.append((name, _said(value)))
     rows += [("version of " + name, text) for name, text in member.versions.items()]
     total = member.result.timings_s.get("total", math.nan)
@@ -177,4 +196,4 @@ def settings_rows(member: ReportedMember) -> list[tuple[str, str]]:
 
 
 def _said(value: object) -> str:
-    return "not given" if value is None else f"{value:g}" if isinstance(value, float) else str(value)
+    return f"{value:g}" if isinstance(value, float) else str(value)

@@ -11,7 +11,9 @@
   if (matchMedia("(max-width: 600px)").matches) legend.open = false;
   const own = {
     captions(command) {
-      caption.replaceChildren(...command.lines.flatMap(([colour, text], i) => {
+      // The heading says the status: below it only the reasons are left.
+      const said = ([colour, text]) => [colour, text.startsWith("status: ") ? text.split("\n").slice(1).join("\n") : text];
+      caption.replaceChildren(...command.lines.map(said).filter(([, text]) => text).flatMap(([colour, text], i) => {
         const mark = document.createElement("i");
         mark.style.background = colour;
         return [i ? "\n" : "", ...(colour ? [mark] : []), text];
