@@ -1,0 +1,108 @@
+"""Hypotheses: which of several ways to lay a scan on a design is the best, and what else there is.
+
+They are refined on few points, judged on many. Beside the best ones others are looked for, since
+a search by coarse cells cannot tell the two sides of a slab apart, and a refinement from there
+stays with the side that it met first.
+"""
+
+from __future__ import annotations
+
+from collections.abc import Callable
+from typing import NamedTuple
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.alignment.quality import Cloud, Quality, quality, share_within
+from linear_ik.alignment.refine import refine
+from linear_ik.alignment.slides import slid
+from linear_ik.alignment.target import Target
+
+Array = npt.NDArray[np.float64]
+OnStep = Callable[[float], None]
+
+FEW_POINTS = 1_000  # what all hypotheses are refined with, down to a rough scale
+SOME_POINTS = 3_000  # what the best of them are refined with
+MOST_REFINED = 6
+ROUGH_SCALE_M = 0.06
+MIDDLE_SCALE_M = 0.02
+MOST_SLID = 4
+SLID_OF_BEST = 2
+OTHER_TURN_RAD = np.radians(2.0)
+ROUGHLY_OTHER_M = 0.1
+OTHER_PLACE_M = 0.04
+
+
+class Judged(NamedTuple):
+    """A hypothesis, and how well the scan lies there.
+
+    Attributes:
+        quality: of the hypothesis.
+        T: T_target_scan [4][4].
+    """
+
+    quality: Quality
+    T: Array
+
+
+def best_rough(
+    target: Target, few: Array, candidates: list[Array], near_m: float, about_z: bool, on_step: OnStep
+) -> list[tuple[float, Array]]:
+    """Return the hypotheses, refined on few points to a rough scale, with the share that each explains; best first."""
+    rough = []
+    for i, T in enumerate(candidates):
+        refined = refine(target, few, T, near_m, ROUGH_SCALE_M, about_z)
+        rough.append((share_within(target, few, refined, ROUGH_SCALE_M), refined))
+        on_step((i + 1) / len(candidates))
+    return sorted(rough, key=lambda r: -r[0])
+
+
+def best_judged(
+    target: Target,
+    cloud: Cloud,
+    mixed: Array,
+    rough: list[tuple[float, Array]],
+    reach_m: float,
+    about_z: bool,
+    on_step: OnStep,
+) -> list[Judged]:
+    """Return the best hypotheses and those beside them, refined and judged, all different, the best first.
+
+    Args:
+        target: the design.
+        cloud: what they are judged by.
+        mixed: [P][3] points of the scan in random order.
+        rough: hypotheses as `best_rough` gives them.
+        reach_m: how far beside them to look at most.
+        about_z: turn about z only.
+        on_step: called with the share that is done.
+    """
+    few, some = mixed[:FEW_POINTS], mixed[:SOME_POINTS]
+    starts = [T for i, (_, T) in enumerate(rough) if all(differs(T, U, ROUGHLY_OTHER_M) for _, U in rough[:i])]
+    found: list[Judged] = []
+
+    def judge(start: Array) -> None:
+        T = refine(target, some, start, ROUGH_SCALE_M, MIDDLE_SCALE_M, about_z)
+        if all(differs(T, one.T) for one in found):
+            found.append(Judged(quality(target, cloud, T), T))
+
+    for i, start in enumerate(starts[:MOST_REFINED]):
+        judge(start)
+        on_step(0.5 * (i + 1) / len(starts[:MOST_REFINED]))
+    slid_from: list[Array] = []
+    while len(slid_from) < MOST_SLID:
+        found.sort(key=lambda one: -one.quality.score)
+        left = [one.T for one in found[:SLID_OF_BEST] if not any(one.T is T for T in slid_from)]
+        if not left:
+            break
+        slid_from.append(left[0])
+        for T in slid(target, few, left[0], reach_m):
+            judge(T)
+        on_step(0.5 + 0.5 * len(slid_from) / MOST_SLID)
+    return sorted(found, key=lambda one: -one.quality.score)
+
+
+def differs(a: Array, b: Array, other_place_m: float = OTHER_PLACE_M) -> bool:
+    """Say whether two motions [4][4] are two hypotheses."""
+    turn = float(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
+    return turn > OTHER_TURN_RAD or float(np.linalg.norm(a[:3, 3] - b[:3, 3])) > other_place_m

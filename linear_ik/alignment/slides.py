@@ -1,0 +1,63 @@
+"""Slides: hypotheses beside one that was found, where other faces of the design lie on the scan's.
+
+A refinement finds the faces that are nearest. Where a design has parallel ones (the two sides of a
+slab, the floors of a house, a row of beams) those may be the wrong ones, and the points of a large
+plane hold it there. So the scan is slid along the design's main directions, and where many of its
+points meet faces again, that is another hypothesis.
+"""
+
+from __future__ import annotations
+
+import numpy as np
+import numpy.typing as npt
+
+from linear_ik.alignment.quality import share_within
+from linear_ik.alignment.target import Target
+
+Array = npt.NDArray[np.float64]
+
+STEP_M = 0.04
+WITHIN_M = 0.05
+UPWARDS_M = 4.5  # a storey
+SIDEWAYS_M = 1.0
+MOST_PEAKS = 4  # along one direction
+LEAST_PART = 0.8  # of the share where the slide began
+UPRIGHT = 0.1  # most that the z of a wall's normal is
+
+
+def slid(target: Target, scan: Array, T_target_scan: Array, reach_m: float = np.inf) -> list[Array]:  # noqa: N803
+    """Return other hypotheses [4][4] along the design's main directions, the likeliest first.
+
+    Args:
+        target: the design.
+        scan: [P][3] some points.
+        T_target_scan: [4][4] where to begin.
+        reach_m: how far to slide at most.
+    """
+    least = LEAST_PART * share_within(target, scan, T_target_scan, WITHIN_M)
+    found: list[tuple[float, Array]] = []
+    for direction, far_m in zip(main_directions(target), (UPWARDS_M, SIDEWAYS_M, SIDEWAYS_M), strict=True):
+        count = int(min(far_m, reach_m) / STEP_M)
+        shifts = np.arange(-count, count + 1) * STEP_M
+        hypotheses = [_shifted(T_target_scan, s * direction) for s in shifts]
+        shares = np.array([share_within(target, scan, T, WITHIN_M) for T in hypotheses])
+        beside = np.pad(shares, 1)
+        peak = (shares >= beside[:-2]) & (shares > beside[2:]) & (shares >= least) & (np.abs(shifts) > STEP_M)
+        best = sorted(np.flatnonzero(peak), key=lambda i: -shares[i])[:MOST_PEAKS]
+        found += [(float(shares[i]), hypotheses[i]) for i in best]
+    return [T for _, T in sorted(found, key=lambda f: -f[0])]
+
+
+def main_directions(target: Target) -> tuple[Array, Array, Array]:
+    """Return z, and the two horizontal directions [3] that most of the upright faces look along."""
+    upright = target.normals[np.abs(target.normals[:, 2]) < UPRIGHT]
+    # Four times the angle: walls that look to all four sides agree.
+    angle = float(np.angle(((upright[:, 0] + 1j * upright[:, 1]) ** 4).sum())) / 4
+    c, s = np.cos(angle), np.sin(angle)
+    return np.array([0.0, 0.0, 1.0]), np.array([c, s, 0.0]), np.array([-s, c, 0.0])
+
+
+def _shifted(T: Array, offset: Array) -> Array:  # noqa: N803
+    out = T.copy()
+    out[:3, 3] += offset
+    return np.asarray(out)
