@@ -28,6 +28,7 @@ AlignStatus = Literal["aligned", "ambiguous", "not_found"]
 
 VOXEL_M = 0.03
 MOST_JUDGED = 50_000  # points that hypotheses are judged by
+MOST_SETTLED = 100_000  # points of the last refinement: their noise is then micrometres of the motion
 NEAR_START_M = 0.3  # how far off a person's guess may be
 NEAR_REACH_M = 0.4  # how far beside it a better one is looked for
 # Of wrong scans, measured: both shares below 0.2.
@@ -153,7 +154,7 @@ def align(
         say("settling", 0.0)
         best = refine(target, cloud.points, best, MIDDLE_SCALE_M, MIDDLE_SCALE_M / 2, False)
         scale = max(2.0 * noise_m(target, cloud.points, best), LEAST_SCALE_M)
-        best = refine(target, local, best, scale, scale, False)
+        best = refine(target, mixed[:MOST_SETTLED], best, scale, scale, False)
         q = quality(target, cloud, best)
     others = [one for one in found[1:] if differs(one.T, best)]
     held, direction = freedom(target, local, best)

@@ -16,8 +16,9 @@ from linear_ik.alignment.target import Target
 
 Array = npt.NDArray[np.float64]
 
-STEP_M = 0.04
-WITHIN_M = 0.05
+STEP_M = 0.06
+WITHIN_M = 0.06
+MOST_POINTS = 400  # a share of them is right to a few per cent
 UPWARDS_M = 4.5  # a storey
 SIDEWAYS_M = 1.0
 MOST_PEAKS = 4  # along one direction
@@ -30,10 +31,11 @@ def slid(target: Target, scan: Array, T_target_scan: Array, reach_m: float = np.
 
     Args:
         target: the design.
-        scan: [P][3] some points.
+        scan: [P][3] points in random order.
         T_target_scan: [4][4] where to begin.
         reach_m: how far to slide at most.
     """
+    scan = scan[:MOST_POINTS]
     least = LEAST_PART * share_within(target, scan, T_target_scan, WITHIN_M)
     found: list[tuple[float, Array]] = []
     for direction, far_m in zip(main_directions(target), (UPWARDS_M, SIDEWAYS_M, SIDEWAYS_M), strict=True):
