@@ -10,10 +10,11 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.alignment.hypotheses import FEW_POINTS, MIDDLE_SCALE_M, best_judged, best_rough, differs
+from linear_ik.alignment.hypotheses import FEW_POINTS, Judged, best_judged, best_rough, differs, settled
 from linear_ik.alignment.quality import TIGHT_M, Cloud, Quality, moved, quality
-from linear_ik.alignment.refine import LEAST_SCALE_M, freedom, noise_m, refine
+from linear_ik.alignment.refine import freedom
 from linear_ik.alignment.search import any_candidates, levelled_candidates
+from linear_ik.alignment.slides import FAR, NEAR
 from linear_ik.alignment.target import Target
 from linear_ik.alignment.thinning import thin
 from linear_ik.design_model import DesignModel
@@ -28,9 +29,7 @@ AlignStatus = Literal["aligned", "ambiguous", "not_found"]
 
 VOXEL_M = 0.03
 MOST_JUDGED = 50_000  # points that hypotheses are judged by
-MOST_SETTLED = 100_000  # points of the last refinement: their noise is then micrometres of the motion
 NEAR_START_M = 0.3  # how far off a person's guess may be
-NEAR_REACH_M = 0.4  # how far beside it a better one is looked for
 # Of wrong scans, measured: both shares below 0.2.
 LEAST_SHARE = 0.3
 LEAST_SCORE = 0.08
@@ -147,14 +146,12 @@ def align(
         candidates, near_m = levelled_candidates(target.samples, local, step("searching"))
     about_z = levelled and guess is None
     rough = best_rough(target, few, candidates, near_m, about_z, step("refining"))
-    reach_m = np.inf if guess is None else NEAR_REACH_M
-    found = best_judged(target, cloud, mixed, rough, reach_m, about_z, step("comparing"))
+    found = best_judged(target, cloud, mixed, rough, FAR if guess is None else NEAR, about_z, step("comparing"))
     q, best = found[0]
+    thin_apart: list[Judged] = []
     if _is_found(q):
         say("settling", 0.0)
-        best = refine(target, cloud.points, best, MIDDLE_SCALE_M, MIDDLE_SCALE_M / 2, False)
-        scale = max(2.0 * noise_m(target, cloud.points, best), LEAST_SCALE_M)
-        best = refine(target, mixed[:MOST_SETTLED], best, scale, scale, False)
+        best, thin_apart = settled(target, cloud, mixed, best)
         q = quality(target, cloud, best)
     others = [one for one in found[1:] if differs(one.T, best)]
     held, direction = freedom(target, local, best)
@@ -171,6 +168,11 @@ def align(
         out[:3, 3] += target.origin_m - T[:3, :3] @ centre
         return np.asarray(out)
 
+    same = [one for one in thin_apart[1:] if one.quality.score >= NEARLY_THE_SAME * thin_apart[0].quality.score]
+    if same and status == "aligned":
+        apart_mm = 1000 * float(np.linalg.norm(same[0].T[:3, 3] - best[:3, 3]))
+        status = "ambiguous"
+        reasons = (f"{apart_mm:.0f} mm beside it, it lies as well: the two sides of a plate?", *reasons)
     alternatives = tuple(Alternative(in_model(one.T), one.quality.score) for one in others)
     return Alignment(
         status, reasons, in_model(best), q.rms_m, q.scan_share, q.model_share, q.score, voxel_m, tilt_deg, alternatives

@@ -14,8 +14,8 @@ import numpy as np
 import numpy.typing as npt
 
 from linear_ik.alignment.quality import Cloud, Quality, quality, share_within
-from linear_ik.alignment.refine import refine
-from linear_ik.alignment.slides import slid
+from linear_ik.alignment.refine import LEAST_SCALE_M, noise_m, refine
+from linear_ik.alignment.slides import FLANGES, SLABS, Reach, slid
 from linear_ik.alignment.target import Target
 
 Array = npt.NDArray[np.float64]
@@ -26,6 +26,7 @@ SOME_POINTS = 3_000  # what the best of them are refined with
 MOST_REFINED = 6
 ROUGH_SCALE_M = 0.06
 MIDDLE_SCALE_M = 0.02
+MOST_SETTLED = 100_000  # points of the last refinement: their noise is then micrometres of the motion
 MOST_SLID = 4
 SLID_OF_BEST = 2
 OTHER_TURN_RAD = np.radians(2.0)
@@ -62,7 +63,7 @@ def best_judged(
     cloud: Cloud,
     mixed: Array,
     rough: list[tuple[float, Array]],
-    reach_m: float,
+    reach: Reach,
     about_z: bool,
     on_step: OnStep,
 ) -> list[Judged]:
@@ -73,7 +74,7 @@ def best_judged(
         cloud: what they are judged by.
         mixed: [P][3] points of the scan in random order.
         rough: hypotheses as `best_rough` gives them.
-        reach_m: how far beside them to look at most.
+        reach: how far beside them to look.
         about_z: turn about z only.
         on_step: called with the share that is done.
     """
@@ -96,10 +97,36 @@ def best_judged(
         if not left:
             break
         slid_from.append(left[0])
-        for T in slid(target, few, left[0], reach_m):
-            judge(T)
+        for beside in (reach, SLABS):
+            for T in slid(target, few, left[0], beside):
+                judge(T)
         on_step(0.5 + 0.5 * len(slid_from) / MOST_SLID)
     return sorted(found, key=lambda one: -one.quality.score)
+
+
+def settled(target: Target, cloud: Cloud, mixed: Array, T_target_scan: Array) -> tuple[Array, list[Judged]]:  # noqa: N803
+    """Return a good hypothesis made exact, and others a plate's thickness beside it, the best first.
+
+    The two sides of a flange are nearer to each other than what a point within 20 mm tells apart, so these are
+    judged by the noise of the scan. The first of the others is the one that is returned, as it is judged so.
+
+    Args:
+        target: the design.
+        cloud: what they are judged by.
+        mixed: [P][3] points of the scan in random order.
+        T_target_scan: [4][4].
+    """
+    T = refine(target, cloud.points, T_target_scan, MIDDLE_SCALE_M, MIDDLE_SCALE_M / 2, False)
+    scale_m = max(2.0 * noise_m(target, cloud.points, T), LEAST_SCALE_M)
+    some = mixed[:SOME_POINTS]
+    found = [Judged(quality(target, cloud, T, scale_m), T)]
+    for start in slid(target, mixed[:FEW_POINTS], T, FLANGES):
+        beside = refine(target, some, start, scale_m, scale_m, False)
+        if all(differs(beside, one.T, scale_m) for one in found):
+            found.append(Judged(quality(target, cloud, beside, scale_m), beside))
+    found.sort(key=lambda one: -one.quality.score)
+    exact = refine(target, mixed[:MOST_SETTLED], found[0].T, scale_m, scale_m, False)
+    return exact, found
 
 
 def differs(a: Array, b: Array, other_place_m: float = OTHER_PLACE_M) -> bool:

@@ -65,15 +65,15 @@ def distances(target: Target, scan: Array, T_target_scan: Array) -> Array:  # no
     return np.asarray(np.linalg.norm(points - target.closest(points)[0], axis=1))
 
 
-def quality(target: Target, cloud: Cloud, T_target_scan: Array) -> Quality:  # noqa: N803
-    """Return how well a scan lies on the design."""
+def quality(target: Target, cloud: Cloud, T_target_scan: Array, within_m: float = TIGHT_M) -> Quality:  # noqa: N803
+    """Return how well a scan lies on the design; a point within ``within_m`` of a face is on it."""
     from scipy.spatial import cKDTree
 
     points, stations = moved(cloud.points, T_target_scan), moved(cloud.stations, T_target_scan)
     lowest = float(np.quantile(points[:, 2], STRAYS))
     closest, normals, faces = target.closest(points)
     distance = np.linalg.norm(points - closest, axis=1)
-    near = (distance < TIGHT_M) & _can_be_seen(points, stations, normals, target.one_sided[faces], lowest)
+    near = (distance < within_m) & _can_be_seen(points, stations, normals, target.one_sided[faces], lowest)
     rms = float(np.sqrt((distance[near] ** 2).mean())) if near.any() else float("nan")
     scan_share = float(near.mean())
     beside = ~near | target.of_member[faces]  # neither of them is on another body
@@ -85,7 +85,7 @@ def quality(target: Target, cloud: Cloud, T_target_scan: Array) -> Quality:  # n
     k, normals = nearest[shown], target.normals[shown]
     off = np.abs(np.einsum("ij,ij->i", points[k] - target.samples[shown], normals))
     one_sided = target.one_sided[target.sample_faces[shown]]
-    shown[shown] = (off < TIGHT_M) & _can_be_seen(points[k], stations[k], normals, one_sided, lowest)
+    shown[shown] = (off < within_m) & _can_be_seen(points[k], stations[k], normals, one_sided, lowest)
     model_share = float(shown.mean())
     of_member = target.of_member[target.sample_faces]
     members_of_model = float(shown[of_member].mean()) if of_member.any() else model_share

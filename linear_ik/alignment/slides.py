@@ -8,6 +8,8 @@ points meet faces again, that is another hypothesis.
 
 from __future__ import annotations
 
+from typing import NamedTuple
+
 import numpy as np
 import numpy.typing as npt
 
@@ -16,35 +18,53 @@ from linear_ik.alignment.target import Target
 
 Array = npt.NDArray[np.float64]
 
-STEP_M = 0.06
-WITHIN_M = 0.06
 MOST_POINTS = 400  # a share of them is right to a few per cent
-UPWARDS_M = 4.5  # a storey
-SIDEWAYS_M = 1.0
 MOST_PEAKS = 4  # along one direction
 LEAST_PART = 0.8  # of the share where the slide began
 UPRIGHT = 0.1  # most that the z of a wall's normal is
 
 
-def slid(target: Target, scan: Array, T_target_scan: Array, reach_m: float = np.inf) -> list[Array]:  # noqa: N803
+class Reach(NamedTuple):
+    """How far to slide, and in which steps.
+
+    Attributes:
+        upwards_m: along z, both ways.
+        sideways_m: along both horizontal directions, both ways.
+        step_m: between two places; a point so near to a face is on it.
+    """
+
+    upwards_m: float
+    sideways_m: float
+    step_m: float
+
+
+FAR = Reach(4.5, 1.0, 0.06)  # a storey
+NEAR = Reach(0.4, 0.4, 0.06)
+SLABS = Reach(0.16, 0.16, 0.02)  # thin slabs and walls, and the webs of large sections
+FLANGES = Reach(0.04, 0.04, 0.004)
+
+
+def slid(target: Target, scan: Array, T_target_scan: Array, reach: Reach) -> list[Array]:  # noqa: N803
     """Return other hypotheses [4][4] along the design's main directions, the likeliest first.
 
     Args:
         target: the design.
         scan: [P][3] points in random order.
         T_target_scan: [4][4] where to begin.
-        reach_m: how far to slide at most.
+        reach: how far to slide.
     """
     scan = scan[:MOST_POINTS]
-    least = LEAST_PART * share_within(target, scan, T_target_scan, WITHIN_M)
+    step_m = reach.step_m
+    least = LEAST_PART * share_within(target, scan, T_target_scan, step_m)
     found: list[tuple[float, Array]] = []
-    for direction, far_m in zip(main_directions(target), (UPWARDS_M, SIDEWAYS_M, SIDEWAYS_M), strict=True):
-        count = int(min(far_m, reach_m) / STEP_M)
-        shifts = np.arange(-count, count + 1) * STEP_M
+    far = (reach.upwards_m, reach.sideways_m, reach.sideways_m)
+    for direction, far_m in zip(main_directions(target), far, strict=True):
+        count = round(far_m / step_m)
+        shifts = np.arange(-count, count + 1) * step_m
         hypotheses = [_shifted(T_target_scan, s * direction) for s in shifts]
-        shares = np.array([share_within(target, scan, T, WITHIN_M) for T in hypotheses])
+        shares = np.array([share_within(target, scan, T, step_m) for T in hypotheses])
         beside = np.pad(shares, 1)
-        peak = (shares >= beside[:-2]) & (shares > beside[2:]) & (shares >= least) & (np.abs(shifts) > STEP_M)
+        peak = (shares >= beside[:-2]) & (shares > beside[2:]) & (shares >= least) & (np.abs(shifts) > 1.5 * step_m)
         best = sorted(np.flatnonzero(peak), key=lambda i: -shares[i])[:MOST_PEAKS]
         found += [(float(shares[i]), hypotheses[i]) for i in best]
     return [T for _, T in sorted(found, key=lambda f: -f[0])]
