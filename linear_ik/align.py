@@ -60,9 +60,9 @@ class Alignment:
         reasons: plain sentences: why it is not aligned, and what else the reader should know.
         T_model_scan: [4][4] from the scan's coordinates to the model's, metres; the best found, whatever the status.
         rms_m: of the scan points within 20 mm of the design's faces.
-        scan_share: of the scan's points that are within 20 mm, one point a voxel.
+        scan_share: of the scan's points that are within 20 mm of a face that can have been seen, one point a voxel.
         model_share: of the design's faces that the scan shows.
-        score: harmonic mean of both shares.
+        score: harmonic mean of both shares, each averaged with what it is for the members alone.
         voxel_m: edge of the voxels.
         tilt_deg: between the scan's z and the model's.
         alternatives: the other hypotheses, the best first.
@@ -93,6 +93,9 @@ def align(
     The search needs no guess: all headings and translations of a levelled scan (z up) are scored at once by
     correlating occupied voxels; a scan that is not levelled goes through features and RANSAC. The best hypotheses are
     refined, point to plane with a robust kernel, on the design's own faces; members that deviate count nothing.
+    Others beside them, up to a storey up and down, compete with them, so that the underside of a slab is not taken
+    for its top. Faces of slabs and walls count for what can have been measured on them: from the outside, seen
+    from the station; where stations are unknown, no face that looks down counts with nothing of the scan below it.
     The last refinement turns about all axes.
 
     Args:

@@ -123,6 +123,7 @@ SWAPPED = [0, 2, 1]
         (lambda p: p[:, SWAPPED] * [1, 1, -1], "it seems to have y up instead of z"),
         (lambda p: p + [700000.0, 6000000.0, 0], "from the model, and its map conversion doesn't lead there"),
         (lambda p: p + [300.0, 0, 0], "m from the model's elements (linear-ik align"),
+        (lambda p: p + [1.5, 1.5, 1.0], "points are near an element (linear-ik align finds the motion"),
     ],
 )
 def test_what_keeps_the_two_apart(change, said, site, tmp_path, capsys):
