@@ -10,7 +10,15 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.alignment.hypotheses import FEW_POINTS, Judged, best_judged, best_rough, differs, settled
+from linear_ik.alignment.hypotheses import (
+    FEW_POINTS,
+    NEARLY_THE_SAME,
+    Judged,
+    best_judged,
+    best_rough,
+    differs,
+    settled,
+)
 from linear_ik.alignment.quality import TIGHT_M, Cloud, Quality, moved, quality
 from linear_ik.alignment.refine import freedom
 from linear_ik.alignment.search import any_candidates, levelled_candidates
@@ -33,7 +41,6 @@ NEAR_START_M = 0.3  # how far off a person's guess may be
 # Of wrong scans, measured: both shares below 0.2.
 LEAST_SHARE = 0.3
 LEAST_SCORE = 0.08
-NEARLY_THE_SAME = 0.95
 SLIDES = 0.02
 TILTED_DEG = 0.2
 

@@ -31,6 +31,8 @@ MOST_SLID = 4
 SLID_OF_BEST = 2
 OTHER_TURN_RAD = np.radians(2.0)
 ROUGHLY_OTHER_M = 0.1
+THINNEST_M = 0.008  # plate whose two sides are told apart: members that deviate move the best place by less
+NEARLY_THE_SAME = 0.95  # of the best score
 OTHER_PLACE_M = 0.04
 
 
@@ -108,7 +110,8 @@ def settled(target: Target, cloud: Cloud, mixed: Array, T_target_scan: Array) ->
     """Return a good hypothesis made exact, and others a plate's thickness beside it, the best first.
 
     The two sides of a flange are nearer to each other than what a point within 20 mm tells apart, so these are
-    judged by the noise of the scan. The first of the others is the one that is returned, as it is judged so.
+    judged by the noise of the scan. Another one has to be clearly better. The first that is returned is the one that
+    was made exact, as it is judged so.
 
     Args:
         target: the design.
@@ -119,12 +122,16 @@ def settled(target: Target, cloud: Cloud, mixed: Array, T_target_scan: Array) ->
     T = refine(target, cloud.points, T_target_scan, MIDDLE_SCALE_M, MIDDLE_SCALE_M / 2, False)
     scale_m = max(2.0 * noise_m(target, cloud.points, T), LEAST_SCALE_M)
     some = mixed[:SOME_POINTS]
+    T = refine(target, some, T, scale_m, scale_m, False)
     found = [Judged(quality(target, cloud, T, scale_m), T)]
     for start in slid(target, mixed[:FEW_POINTS], T, FLANGES):
         beside = refine(target, some, start, scale_m, scale_m, False)
-        if all(differs(beside, one.T, scale_m) for one in found):
+        if all(differs(beside, one.T, max(scale_m, THINNEST_M)) for one in found):
             found.append(Judged(quality(target, cloud, beside, scale_m), beside))
+    first = found[0]
     found.sort(key=lambda one: -one.quality.score)
+    if first.quality.score >= NEARLY_THE_SAME * found[0].quality.score:
+        found = [first, *(one for one in found if one is not first)]
     exact = refine(target, mixed[:MOST_SETTLED], found[0].T, scale_m, scale_m, False)
     return exact, found
 
