@@ -10,8 +10,19 @@ from typing import Literal
 import numpy as np
 import numpy.typing as npt
 
-from linear_ik.alignment.refine import LEAST_SCALE_M, TIGHT_M, Quality, freedom, noise_m, quality, refine, share_within
+from linear_ik.alignment.hypotheses import (
+    FEW_POINTS,
+    NEARLY_THE_SAME,
+    Judged,
+    best_judged,
+    best_rough,
+    differs,
+    settled,
+)
+from linear_ik.alignment.quality import TIGHT_M, Cloud, Quality, moved, quality
+from linear_ik.alignment.refine import freedom
 from linear_ik.alignment.search import any_candidates, levelled_candidates
+from linear_ik.alignment.slides import FAR, NEAR
 from linear_ik.alignment.target import Target
 from linear_ik.alignment.thinning import thin
 from linear_ik.design_model import DesignModel
@@ -25,18 +36,11 @@ Points = Scan | npt.NDArray[np.float64] | str | os.PathLike[str]
 AlignStatus = Literal["aligned", "ambiguous", "not_found"]
 
 VOXEL_M = 0.03
-FEW_POINTS = 1_000  # what all hypotheses are refined with, down to a rough scale
-SOME_POINTS = 3_000  # what the best of them are refined with
-MOST_REFINED = 6
-ROUGH_SCALE_M = 0.06
+MOST_JUDGED = 50_000  # points that hypotheses are judged by
 NEAR_START_M = 0.3  # how far off a person's guess may be
-MIDDLE_SCALE_M = 0.02
 # Of wrong scans, measured: both shares below 0.2.
 LEAST_SHARE = 0.3
 LEAST_SCORE = 0.08
-NEARLY_THE_SAME = 0.95
-OTHER_TURN_RAD = np.radians(2.0)
-OTHER_PLACE_M = 0.1
 SLIDES = 0.02
 TILTED_DEG = 0.2
 
@@ -63,9 +67,9 @@ class Alignment:
         reasons: plain sentences: why it is not aligned, and what else the reader should know.
         T_model_scan: [4][4] from the scan's coordinates to the model's, metres; the best found, whatever the status.
         rms_m: of the scan points within 20 mm of the design's faces.
-        scan_share: of the scan's points that are within 20 mm, one point a voxel.
+        scan_share: of the scan's points that are within 20 mm of a face that can have been seen, one point a voxel.
         model_share: of the design's faces that the scan shows.
-        score: harmonic mean of both shares.
+        score: harmonic mean of both shares, each averaged with what it is for the members alone.
         voxel_m: edge of the voxels.
         tilt_deg: between the scan's z and the model's.
         alternatives: the other hypotheses, the best first.
@@ -96,6 +100,9 @@ def align(
     The search needs no guess: all headings and translations of a levelled scan (z up) are scored at once by
     correlating occupied voxels; a scan that is not levelled goes through features and RANSAC. The best hypotheses are
     refined, point to plane with a robust kernel, on the design's own faces; members that deviate count nothing.
+    Others beside them, up to a storey up and down, compete with them, so that the underside of a slab is not taken
+    for its top. Faces of slabs and walls count for what can have been measured on them: from the outside, seen
+    from the station; where stations are unknown, no face that looks down counts with nothing of the scan below it.
     The last refinement turns about all axes.
 
     Args:
@@ -121,50 +128,45 @@ def align(
     say("reading", 0.0)
     left_out: list[int] = []
     thinned = thin(_parts(scans, unit, left_out.append), VOXEL_M)
-    points, voxel_m = thinned.points(), thinned.voxel_m
+    rows, voxel_m = thinned.points(), thinned.voxel_m
+    say("reading", 1.0)
     target = Target(design)
     # Single precision comes later: both clouds about origins of their own.
-    centre = np.round((points.min(axis=0) + points.max(axis=0)) / 2)
-    local = points - centre
-    rng = np.random.default_rng(0)
-    mixed = local[rng.permutation(len(local))]
-    some, few = mixed[:SOME_POINTS], mixed[:FEW_POINTS]
+    centre = np.round((rows[:, :3].min(axis=0) + rows[:, :3].max(axis=0)) / 2)
+    rows = rows - np.tile(centre, 2)
+    local, cloud = rows[:, :3], _cloud(rows, voxel_m)
+    mixed = local[np.random.default_rng(0).permutation(len(local))]
+    few = mixed[:FEW_POINTS]
+
+    def step(what: str) -> Callable[[float], None]:
+        say(what, 0.0)
+        return lambda share: say(what, share)
+
     if not levelled and guess is None:
         # Stood upright on the design by one good hypothesis, the scan has all others by turning about z.
-        say("searching by features", 0.0)
-        tilted, near_m = any_candidates(target.samples, local, lambda share: say("searching by features", share))
-        stood = _best_rough(target, few, tilted, near_m, False)[0][1]
-        upright, near_m = levelled_candidates(
-            target.samples, _moved(local, stood), lambda share: say("searching", share)
-        )
+        tilted, near_m = any_candidates(target.samples, local, step("searching by features"))
+        stood = best_rough(target, few, tilted, near_m, False, step("refining"))[0][1]
+        upright, near_m = levelled_candidates(target.samples, moved(local, stood), step("searching"))
         candidates = [stood, *(np.asarray(T @ stood) for T in upright)]
     elif guess is not None:
         start = guess.copy()
         start[:3, 3] = guess[:3, :3] @ centre + guess[:3, 3] - target.origin_m
         candidates, near_m = [start], NEAR_START_M
     else:
-        candidates, near_m = levelled_candidates(target.samples, local, lambda share: say("searching", share))
+        candidates, near_m = levelled_candidates(target.samples, local, step("searching"))
     about_z = levelled and guess is None
-    rough = _best_rough(target, few, candidates, near_m, about_z, lambda share: say("refining", share))
-    found: list[tuple[Quality, Array]] = []
-    for T in [T for i, (_, T) in enumerate(rough) if not any(not _differs(T, U) for _, U in rough[:i])][:MOST_REFINED]:
-        refined = refine(target, some, T, ROUGH_SCALE_M, MIDDLE_SCALE_M, about_z)
-        found.append((quality(target, local, refined, voxel_m), refined))
-    found.sort(key=lambda f: -f[0].score)
+    rough = best_rough(target, few, candidates, near_m, about_z, step("refining"))
+    found = best_judged(target, cloud, mixed, rough, FAR if guess is None else NEAR, about_z, step("comparing"))
     q, best = found[0]
+    thin_apart: list[Judged] = []
     if _is_found(q):
         say("settling", 0.0)
-        best = refine(target, local, best, MIDDLE_SCALE_M, MIDDLE_SCALE_M / 2, False)
-        scale = max(2.0 * noise_m(target, local, best), LEAST_SCALE_M)
-        best = refine(target, local, best, scale, scale, False)
-        q = quality(target, local, best, voxel_m)
-    others: list[tuple[Quality, Array]] = []
-    for other, T in found[1:]:
-        if all(_differs(T, U) for U in (best, *(U for _, U in others))):
-            others.append((other, T))
+        best, thin_apart = settled(target, cloud, mixed, best)
+        q = quality(target, cloud, best)
+    others = [one for one in found[1:] if differs(one.T, best)]
     held, direction = freedom(target, local, best)
     tilt_deg = float(np.degrees(np.arccos(np.clip(best[2, 2], -1.0, 1.0))))
-    status, reasons = _judge(q, [other for other, _ in others], held, direction, tilt_deg, levelled)
+    status, reasons = _judge(q, [one.quality for one in others], held, direction, tilt_deg, levelled)
     if thinned.dropped:
         far = f"Points left out, more than {thinned.reach_km:.0f} km from the others: {thinned.dropped:,}."
         reasons = (*reasons, far)
@@ -176,31 +178,23 @@ def align(
         out[:3, 3] += target.origin_m - T[:3, :3] @ centre
         return np.asarray(out)
 
-    alternatives = tuple(Alternative(in_model(T), other.score) for other, T in others)
+    same = [one for one in thin_apart[1:] if one.quality.score >= NEARLY_THE_SAME * thin_apart[0].quality.score]
+    if same and status == "aligned":
+        apart_mm = 1000 * float(np.linalg.norm(same[0].T[:3, 3] - best[:3, 3]))
+        status = "ambiguous"
+        reasons = (f"{apart_mm:.0f} mm beside it, it lies as well: the two sides of a plate?", *reasons)
+    alternatives = tuple(Alternative(in_model(one.T), one.quality.score) for one in others)
     return Alignment(
         status, reasons, in_model(best), q.rms_m, q.scan_share, q.model_share, q.score, voxel_m, tilt_deg, alternatives
     )
 
 
-def _best_rough(
-    target: Target,
-    few: Array,
-    candidates: list[Array],
-    near_m: float,
-    about_z: bool,
-    on_step: Callable[[float], None] = lambda share: None,
-) -> list[tuple[float, Array]]:
-    """Return the hypotheses, refined on few points to a rough scale, with the share that each explains; best first."""
-    rough = []
-    for i, T in enumerate(candidates):
-        refined = refine(target, few, T, near_m, ROUGH_SCALE_M, about_z)
-        rough.append((share_within(target, few, refined, ROUGH_SCALE_M), refined))
-        on_step((i + 1) / len(candidates))
-    return sorted(rough, key=lambda r: -r[0])
-
-
-def _moved(points: Array, T: Array) -> Array:
-    return np.asarray(points @ T[:3, :3].T + T[:3, 3])
+def _cloud(rows: Array, voxel_m: float) -> Cloud:
+    """Return points and stations [P][6] of larger voxels, where there are many of them."""
+    if len(rows) > MOST_JUDGED:
+        thinned = thin([rows], voxel_m, MOST_JUDGED)
+        rows, voxel_m = thinned.points(), thinned.voxel_m
+    return Cloud(rows[:, :3], rows[:, 3:], voxel_m)
 
 
 def _is_found(q: Quality) -> bool:
@@ -235,6 +229,7 @@ def _judge(
 
 
 def _parts(scans: tuple[Points, ...], unit: str | None, on_left_out: Callable[[int], None]) -> Iterator[Array]:
+    """Yield points with the stations that they were measured from [P][6], NaN where that is unknown."""
     for scan in scans:
         if isinstance(scan, Scan):
             parts: Iterable[Scan] = [scan]
@@ -244,9 +239,7 @@ def _parts(scans: tuple[Points, ...], unit: str | None, on_left_out: Callable[[i
             parts = iter_scan(scan, unit=unit)
         for part in parts:
             on_left_out(part.left_out)
-            yield part.points
-
-
-def _differs(a: Array, b: Array) -> bool:
-    turn = float(np.arccos(np.clip((np.trace(a[:3, :3].T @ b[:3, :3]) - 1.0) / 2.0, -1.0, 1.0)))
-    return turn > OTHER_TURN_RAD or float(np.linalg.norm(a[:3, 3] - b[:3, 3])) > OTHER_PLACE_M
+            stations = np.full(part.points.shape, np.nan)
+            if part.stations is not None and part.station_index is not None:
+                stations = part.stations[part.station_index]
+            yield np.column_stack([part.points, stations])

@@ -145,7 +145,10 @@ def _apart(model: DesignModel, sample: Array, box_m: Array, share: float) -> tup
     elif distance > 0:
         out.append(f"it is {distance:.1f} m from the model's elements (linear-ik align finds the motion between them)")
     elif share < LEAST_SHARE:
-        out.append(f"it is around the model, but only {100 * share:.1f} % of its points are near an element")
+        out.append(
+            f"it is around the model, but only {100 * share:.1f} % of its points are near an element "
+            "(linear-ik align finds the motion between them)"
+        )
     sizes = np.linalg.norm(high - low), np.linalg.norm(box_m[1] - box_m[0])
     ratio = float(sizes[0] / sizes[1])
     if ratio >= LARGE or ratio <= 1 / LARGE:

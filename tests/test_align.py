@@ -11,16 +11,19 @@ import pytest
 from small_ifc import write_small_ifc
 
 from linear_ik.align import Alignment, align
+from linear_ik.alignment.bodies import turned_outward
+from linear_ik.alignment.quality import Cloud, quality
+from linear_ik.alignment.target import Target
 from linear_ik.alignment.thinning import Thinner, thin
 from linear_ik.cli import main
 from linear_ik.cli.fit_model import read_transform
-from linear_ik.design_model import DesignModel, Member
+from linear_ik.design_model import DesignModel, Member, Obstacle
 from linear_ik.element import Element, Placement
 from linear_ik.errors import LinearIkError, ScanError, SettingsError
 from linear_ik.exports.scan_file import write_scan
 from linear_ik.profile import Circle, IShape, Profile, Rectangle, RectangleHollow
 from linear_ik.scan import Scan
-from linear_ik.scene import element_mesh
+from linear_ik.scene import box_mesh, element_mesh
 
 H, BEAM, BRACE = IShape(0.3, 0.3, 0.011, 0.019), Rectangle(0.2, 0.4), Circle(0.1)
 CORNERS = ((0.0, 0.0), (8.0, 0.0), (8.0, 5.0), (0.0, 5.0))
@@ -100,6 +103,52 @@ def test_a_scan_from_anywhere_is_laid_on_its_design(seed: int, far_m: float) -> 
     assert 0.001 < found.rms_m < 0.006 and found.tilt_deg < 0.02
     # Turned by half a circle the frame is nearly the same: that must be known, and be worse.
     assert found.alternatives and found.alternatives[0].score < 0.95 * found.score
+
+
+SLAB = box_mesh((4.0, 2.5, -0.1), (12.0, 9.0, 0.2))
+
+
+@pytest.mark.parametrize(("seed", "stations"), [(1, True), (2, False), (3, False), (4, True)])
+def test_a_floor_is_laid_on_the_top_of_its_slab(seed: int, stations: bool) -> None:
+    design = replace(frame(), obstacles=(Obstacle("S", "IfcSlab", SLAB.vertices, SLAB.triangles),))
+    rng, T = np.random.default_rng(seed), motion(seed)
+    floor = np.column_stack(
+        [rng.uniform(-2, 10, 20_000), rng.uniform(-2, 7, 20_000), 0.002 * rng.standard_normal(20_000)]
+    )
+    points = moved(np.concatenate([scan_of(design, seed, bent=seed % 8)[2500:], floor]), T)
+    station = moved(np.array([[3.0, -8.0, 1.5]]), T)
+    found = align(design, Scan(points, None, station, np.zeros(len(points), np.int32)) if stations else points)
+    off_m, turn_deg = error(found, T)
+    assert found.status == "aligned" and off_m < 0.005 and turn_deg < 0.05
+
+
+def on_underside(stations: np.ndarray | None, turned: bool = False) -> float:
+    """The share of a floor's points that count when it is laid on the underside of a slab 0.2 m below it."""
+    triangles = SLAB.triangles[:, ::-1] if turned else SLAB.triangles
+    target = Target(replace(frame(), obstacles=(Obstacle("S", "IfcSlab", SLAB.vertices, triangles),)))
+    rng = np.random.default_rng(0)
+    floor = np.column_stack([rng.uniform(-1, 9, 2000), rng.uniform(-1, 6, 2000), np.full(2000, -0.2)])
+    floor = floor - target.origin_m
+    seen_from = np.full(floor.shape, np.nan) if stations is None else np.tile(stations - target.origin_m, (2000, 1))
+    return quality(target, Cloud(floor, seen_from, 0.1), np.eye(4)).scan_share
+
+
+def test_faces_count_for_points_that_can_have_been_measured_on_them() -> None:
+    above, below = np.array([4.0, 2.0, 1.5]), np.array([4.0, 2.0, -3.0])
+    for turned in (False, True):  # whichever way the file has its triangles
+        assert on_underside(above, turned) == 0.0
+        assert on_underside(below, turned) == 1.0
+        assert on_underside(None, turned) == 0.0  # nothing of the scan lies below it
+
+
+def test_only_closed_bodies_have_an_outside() -> None:
+    outward, thick_m = turned_outward(SLAB.vertices, SLAB.triangles[:, ::-1])
+    assert {tuple(sorted(t)) for t in outward} == {tuple(sorted(t)) for t in SLAB.triangles}
+    np.testing.assert_array_equal(outward, SLAB.triangles[:, ::-1][:, ::-1])
+    assert 0.15 < thick_m < 0.2
+    assert turned_outward(SLAB.vertices, SLAB.triangles[1:])[1] == 0.0
+    one_turned = np.concatenate([SLAB.triangles[:1, ::-1], SLAB.triangles[1:]])
+    assert turned_outward(SLAB.vertices, one_turned)[1] == 0.0
 
 
 def test_a_symmetric_design_is_ambiguous_and_a_guess_settles_it() -> None:

@@ -9,10 +9,12 @@ from ifc_files import IfcFile
 
 import linear_ik
 from linear_ik.cli import main
+from linear_ik.design_model import DesignModel
 from linear_ik.exports.scan_file import write_scan
 from linear_ik.scan import Scan
 from linear_ik.simulate import simulate
 from linear_ik.site_check import SiteCheck
+from linear_ik.site_frames import Hits, compare_frames
 
 POINTS = 6000
 
@@ -149,6 +151,17 @@ def test_what_keeps_the_two_apart(change, said, site, tmp_path, capsys):
     assert found["scans"][0]["place"] == "elsewhere"
     assert any(said in sentence for sentence in found["scans"][0]["sentences"]), found["scans"][0]["sentences"]
     assert not any(one["covered"] for one in found["elements"])
+
+
+def test_a_scan_around_the_model_but_not_on_it_is_sent_to_align():
+    sample = np.random.default_rng(1).uniform(0, 5, (500, 3))
+    box_m = np.array([[0.0, 0.0, 0.0], [5.0, 5.0, 5.0]])
+    model = DesignModel("design.ifc", "IFC4", 1.0, ())
+    found = compare_frames(model, sample, box_m, lambda points: Hits(0.01, 2))
+    assert found.sentences == (
+        "it is around the model, but only 1.0 % of its points are near an element "
+        "(linear-ik align finds the motion between them)",
+    )
 
 
 def test_a_scan_on_the_map(site, tmp_path, capsys):

@@ -6,11 +6,10 @@ to the noise: members that bent, and whatever else stands there, count nothing i
 
 from __future__ import annotations
 
-from typing import NamedTuple
-
 import numpy as np
 import numpy.typing as npt
 
+from linear_ik.alignment.quality import TIGHT_M, distances, moved
 from linear_ik.alignment.target import Target
 from linear_ik.side_noise import MAD_TO_SD
 
@@ -20,23 +19,6 @@ LEAST_SCALE_M = 0.003
 ROUNDS_A_SCALE = 6
 LAST_ROUNDS = 15
 FEWEST = 20
-TIGHT_M = 0.02  # within it a point is explained
-
-
-class Quality(NamedTuple):
-    """How well a scan lies on a design.
-
-    Attributes:
-        rms_m: of the scan points within 20 mm of the design's faces.
-        scan_share: of the scan points that are.
-        model_share: of the design's faces that the scan shows.
-        score: the harmonic mean of both shares.
-    """
-
-    rms_m: float
-    scan_share: float
-    model_share: float
-    score: float
 
 
 def refine(
@@ -72,38 +54,9 @@ def refine(
 
 def noise_m(target: Target, scan: Array, T_target_scan: Array) -> float:  # noqa: N803
     """Return the standard deviation of the explained points about the design's faces."""
-    distance = _distances(target, scan, T_target_scan)
+    distance = distances(target, scan, T_target_scan)
     near = distance[distance < TIGHT_M]
     return MAD_TO_SD * float(np.median(near)) if len(near) else LEAST_SCALE_M
-
-
-def share_within(target: Target, scan: Array, T_target_scan: Array, distance_m: float) -> float:  # noqa: N803
-    """Return the share of the scan's points that are so near to the design's faces."""
-    return float((_distances(target, scan, T_target_scan) < distance_m).mean())
-
-
-def quality(target: Target, scan: Array, T_target_scan: Array, spacing_m: float) -> Quality:  # noqa: N803
-    """Return how well a scan of that spacing lies on the design."""
-    from scipy.spatial import cKDTree
-
-    moved = scan @ T_target_scan[:3, :3].T + T_target_scan[:3, 3]
-    distance = _distances(target, scan, T_target_scan)
-    near = distance < TIGHT_M
-    scan_share = float(near.mean())
-    rms = float(np.sqrt((distance[near] ** 2).mean())) if near.any() else float("nan")
-    found, places = cKDTree(moved).query(target.samples, distance_upper_bound=1.5 * spacing_m)
-    gap, nearest = np.asarray(found, dtype=np.float64), np.asarray(places, dtype=np.intp)
-    hit = np.isfinite(gap)
-    off = np.zeros(len(gap))
-    off[hit] = np.abs(np.einsum("ij,ij->i", moved[nearest[hit]] - target.samples[hit], target.normals[hit]))
-    model_share = float((hit & (off < TIGHT_M)).mean())
-    both = scan_share + model_share
-    return Quality(rms, scan_share, model_share, 2 * scan_share * model_share / both if both else 0.0)
-
-
-def _distances(target: Target, scan: Array, T: Array) -> Array:  # noqa: N803
-    moved = scan @ T[:3, :3].T + T[:3, 3]
-    return np.asarray(np.linalg.norm(moved - target.closest(moved)[0], axis=1))
 
 
 def _step(target: Target, scan: Array, T: Array, scale: float, levelled: bool) -> Array:  # noqa: N803
@@ -136,15 +89,15 @@ def freedom(target: Target, scan: Array, T_target_scan: Array) -> tuple[float, A
 
 def _equations(target: Target, scan: Array, T: Array, scale: float) -> tuple[Array, Array, Array]:  # noqa: N803
     """Return slopes [K][6], residuals [K] and weights [K] of the points within three times the scale."""
-    moved = scan @ T[:3, :3].T + T[:3, 3]
-    closest, normals = target.closest(moved)
-    offset = moved - closest
+    points = moved(scan, T)
+    closest, normals, _ = target.closest(points)
+    offset = points - closest
     distance = np.linalg.norm(offset, axis=1)
     # Beside an edge the face's own normal would let the point slide past it.
     beside = np.abs(np.einsum("ij,ij->i", offset, normals)) < 0.9 * distance
     normals[beside] = offset[beside] / np.maximum(distance[beside], 1e-12)[:, None]
     near = distance < 3 * scale
-    n, p = normals[near], moved[near]
+    n, p = normals[near], points[near]
     w = (scale**2 / (scale**2 + distance[near] ** 2)) ** 2
     return np.column_stack([np.cross(p, n), n]), np.einsum("ij,ij->i", offset[near], n), w
 

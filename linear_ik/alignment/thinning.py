@@ -37,12 +37,13 @@ class Thinner:
         self._points = np.empty((0, 3))
 
     def add(self, points: Array) -> None:
-        """Take some points [P][3], metres."""
+        """Take some points [P][3 or more]: x, y, z in metres, and whatever goes along with each; always as many."""
         if not len(points):
             return
         if np.isnan(self._origin).any():
             # Not the first point: scanners write (0, 0, 0) for a pulse that did not come back.
-            self._origin = np.floor(np.median(points, axis=0))
+            self._origin = np.floor(np.median(points[:, :3], axis=0))
+            self._points = np.empty((0, points.shape[1]))
         keys, near = self._keys_of(points)
         self._taken += len(points)
         self.dropped += int((~near).sum())
@@ -53,7 +54,7 @@ class Thinner:
             self._keep(keys, self._points[near])
 
     def points(self) -> Array:
-        """Return the points kept [P][3], metres.
+        """Return the points kept [P][3 or more], as they came.
 
         Raises:
             ScanError: there are none, or most lie too far from the first piece.
@@ -72,7 +73,7 @@ class Thinner:
 
     def _keys_of(self, points: Array) -> tuple[npt.NDArray[np.int64], npt.NDArray[np.bool_]]:
         # Voxels are counted from zero, so that they are the same wherever the origin of the numbers is.
-        cells = np.floor(points / self.voxel_m) - np.floor(self._origin / self.voxel_m)
+        cells = np.floor(points[:, :3] / self.voxel_m) - np.floor(self._origin / self.voxel_m)
         near = np.asarray((np.abs(cells) < REACH).all(axis=1))
         x, y, z = (cells[near].astype(np.int64) + REACH).T
         return np.asarray((x << 42) | (y << 21) | z), near
@@ -83,7 +84,7 @@ class Thinner:
 
 
 def thin(parts: Iterable[Array], voxel_m: float, most: int = MOST_POINTS) -> Thinner:
-    """Return a thinner that has taken all parts [P][3].
+    """Return a thinner that has taken all parts [P][3 or more].
 
     Raises:
         ScanError: no points, or most lie too far from the first part.

@@ -75,7 +75,7 @@ def align(
                 *scan,
                 near=guess,
                 levelled=levelled,
-                on_step=lambda what, share: progress.update(f"{what}: {100 * share:.0f} %"),
+                on_step=progress.steps(),
                 unit=scan_unit,
             )
         except SettingsError as error:

@@ -4,7 +4,8 @@ from __future__ import annotations
 
 import sys
 import threading
-from collections.abc import Iterator
+import time
+from collections.abc import Callable, Iterator
 from contextlib import contextmanager
 from typing import TYPE_CHECKING
 
@@ -14,6 +15,7 @@ if TYPE_CHECKING:
 SPINNER_AFTER_S = 0.5
 # Without a terminal a line stays for good, so only what takes really long gets one.
 LINE_AFTER_S = 5.0
+NEXT_LINE_AFTER_S = 2.0
 
 
 class Progress:
@@ -29,6 +31,28 @@ class Progress:
         self._lock = threading.Lock()
         self._status: Status | None = None
         self._text = ""
+        self._said_s = 0.0
+
+    def steps(self) -> Callable[[str, float], None]:
+        """Return what tells of the steps of the stage that runs: called with a step, and the share of it done.
+
+        Without a terminal a step has its line as it begins, once the last one is 2 s ago; reading has none, as
+        it may end in an error.
+        """
+        last = ""
+        self._said_s = time.monotonic()
+
+        def tell(what: str, share: float) -> None:
+            nonlocal last
+            self.update(f"{what}: {100 * share:.0f} %")
+            now = time.monotonic()
+            fresh = what != last and not what.startswith("reading")
+            if self._quiet or self._terminal or not fresh or now - self._said_s < NEXT_LINE_AFTER_S:
+                return
+            last, self._said_s = what, now
+            print(f"{what} ...", file=sys.stderr, flush=True)
+
+        return tell
 
     @contextmanager
     def stage(self, text: str, judges_input: bool = False) -> Iterator[None]:
