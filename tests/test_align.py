@@ -108,7 +108,7 @@ def test_a_scan_from_anywhere_is_laid_on_its_design(seed: int, far_m: float) -> 
 SLAB = box_mesh((4.0, 2.5, -0.1), (12.0, 9.0, 0.2))
 
 
-@pytest.mark.parametrize(("seed", "stations"), [(1, True), (2, False), (3, False), (4, True)])
+@pytest.mark.parametrize(("seed", "stations"), [(1, True), (2, False)])
 def test_a_floor_is_laid_on_the_top_of_its_slab(seed: int, stations: bool) -> None:
     design = replace(frame(), obstacles=(Obstacle("S", "IfcSlab", SLAB.vertices, SLAB.triangles),))
     rng, T = np.random.default_rng(seed), motion(seed)
