@@ -7,7 +7,14 @@ from typing import TYPE_CHECKING, Annotated
 
 import typer
 
-from linear_ik.cli.arguments import file_argument, inverse_option, map_option, transform_option, unit_option
+from linear_ik.cli.arguments import (
+    design_first,
+    file_argument,
+    inverse_option,
+    map_option,
+    transform_option,
+    unit_option,
+)
 from linear_ik.cli.process import NOT_SCANNED, Outcome, Verb, about_options
 from linear_ik.cli.progress import Progress
 
@@ -65,6 +72,7 @@ def check(
     from linear_ik.model_fit.options import ModelFitOptions
     from linear_ik.model_fit.placing import scan_to_model
 
+    design_first(design)
     try:
         placing = ModelFitOptions(T_model_scan=transform_given(transform, inverse), map_coordinates=in_map)
     except SettingsError as error:
