@@ -22,7 +22,8 @@ from linear_ik.errors import LinearIkError, OutputError, ScanError, SettingsErro
 from linear_ik.fit import not_scanned
 from linear_ik.model_fit import ModelFitOptions, fit_model
 from linear_ik.model_fit.fits import Row
-from linear_ik.model_fit.folder import RunFolder, file_stems, light
+from linear_ik.model_fit.folder import RunFolder
+from linear_ik.model_fit.kept_results import file_stems, light
 from linear_ik.model_fit.selection import select
 from linear_ik.model_fit.table import line
 from linear_ik.profile import Circle, Rectangle

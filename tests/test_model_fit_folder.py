@@ -111,9 +111,9 @@ def test_what_the_system_refuses_is_said_of_the_file(tmp_path):
     (tmp_path / "run_state" / "first" / "a.json").mkdir()
     (tmp_path / "run_state" / "points").write_text("")
     for work, name in (
-        (lambda: folder.keep("a", "first", "x", result, {}), "elements/a.json"),
-        (lambda: folder.back_to_first("a"), "run_state/first/a.json"),
-        (lambda: folder.forget("a"), "run_state/first/a.json"),
+        (lambda: folder.results.keep("a", "first", "x", result, {}), "elements/a.json"),
+        (lambda: folder.results.back_to_first("a"), "run_state/first/a.json"),
+        (lambda: folder.results.forget("a"), "run_state/first/a.json"),
         (folder.new_scratch, "run_state/points"),
     ):
         with pytest.raises(OutputError, match="cannot be written: ") as caught:

@@ -16,8 +16,9 @@ import numpy.typing as npt
 from linear_ik.design_model import Member
 from linear_ik.element_file import element_to_mapping
 from linear_ik.exports.result_json import versions
-from linear_ik.model_fit.folder import Facts, RunFolder, fingerprint, light
+from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces, hand_out_once
+from linear_ik.model_fit.kept_results import Facts, light
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.pool import Pool
 from linear_ik.model_fit.tasks import Outcome, Task
@@ -114,7 +115,7 @@ class Fits:
     @property
     def whole(self) -> Mapping[str, FitResult]:
         """By GlobalId, the results in the folder, each read when it is asked for."""
-        return _Files({guid: self.folder.element_path(guid) for guid in self.results})
+        return _Files({guid: self.folder.results.element_path(guid) for guid in self.results})
 
     @property
     def rows(self) -> list[Row]:
@@ -125,7 +126,7 @@ class Fits:
                 self._results.get(m.guid),
                 self._failures.get(m.guid, ""),
                 self._facts[m.guid],
-                self.folder.element_path(m.guid).relative_to(self.folder.path).as_posix(),
+                self.folder.results.element_path(m.guid).relative_to(self.folder.path).as_posix(),
             )
             for m in self.members
         ]
@@ -133,7 +134,7 @@ class Fits:
     def prepare(self, pieces: Pieces, listener: Listener) -> HandedOut | None:
         """Take over what is known; hand out the scan and return its points, or None where nothing is left to fit."""
         for member in self.members:
-            known = self.folder.known(member.guid, "first", self.inputs[member.guid])
+            known = self.folder.results.known(member.guid, "first", self.inputs[member.guid])
             if known is not None:
                 self._results[member.guid], self._facts[member.guid] = light(known[0]), known[1]
         if all(m.guid in self._results for m in self.members) and not self._open_contests():
@@ -148,9 +149,9 @@ class Fits:
 
     def take_over(self) -> None:
         """Let the folder hold results of these inputs alone; all others wait beside it for another run."""
-        self.folder.set_aside(list(self._results))
+        self.folder.results.set_aside(list(self._results))
         for guid in self._results:
-            self.folder.bring_back(guid)
+            self.folder.results.bring_back(guid)
 
     def first(self, points: HandedOut | None, pool: Pool, listener: Listener) -> None:
         """Fit every member that is not known; with no ``points``, as `prepare` returns them, there is none."""
@@ -162,9 +163,9 @@ class Fits:
             facts = {**outcome.facts, "received": int(points.received[self._index[outcome.guid]])}
             if outcome.result is None:
                 self._failures[outcome.guid] = outcome.failure
-                self.folder.forget(outcome.guid)
+                self.folder.results.forget(outcome.guid)
                 continue
-            self.folder.keep(outcome.guid, "first", self.inputs[outcome.guid], outcome.result, facts)
+            self.folder.results.keep(outcome.guid, "first", self.inputs[outcome.guid], outcome.result, facts)
             self._results[outcome.guid], self._facts[outcome.guid] = light(outcome.result), facts
 
     def contest(self, points: HandedOut | None, pool: Pool, listener: Listener) -> None:
@@ -178,11 +179,11 @@ class Fits:
         for i, member in enumerate(self.members):
             if member.guid not in self._results:
                 continue
-            known = self.folder.known(member.guid, "final", inputs[i]) if i in inputs else None
+            known = self.folder.results.known(member.guid, "final", inputs[i]) if i in inputs else None
             if known is not None:
                 finals[member.guid] = light(known[0]), known[1]
                 continue
-            self.folder.back_to_first(member.guid)
+            self.folder.results.back_to_first(member.guid)
             if i in inputs:
                 open_ones.append(i)
         claimants = {j: Claimant.of(self._results[self.members[j].guid]) for i in open_ones for j in rivals[i]}
@@ -199,13 +200,13 @@ class Fits:
             fp = inputs[self._index[guid]]
             facts = {**self._facts[guid], **outcome.facts}
             if outcome.failure:
-                doubted = self.folder.keep_unsettled(guid, _not_settled(outcome.failure))
+                doubted = self.folder.results.keep_unsettled(guid, _not_settled(outcome.failure))
                 finals[guid] = light(doubted), self._facts[guid]
             elif outcome.result is None:
-                self.folder.unchanged(guid, fp, facts)
+                self.folder.results.unchanged(guid, fp, facts)
                 finals[guid] = self._results[guid], facts
             else:
-                self.folder.keep(guid, "final", fp, outcome.result, facts)
+                self.folder.results.keep(guid, "final", fp, outcome.result, facts)
                 finals[guid] = light(outcome.result), facts
         for guid, (result, facts) in finals.items():
             self._results[guid], self._facts[guid] = result, facts
@@ -256,7 +257,7 @@ class Fits:
 
     def _open_contests(self) -> bool:
         inputs = self._contest_inputs()
-        return not all(self.folder.has(self.members[i].guid, "final", fp) for i, fp in inputs.items())
+        return not all(self.folder.results.has(self.members[i].guid, "final", fp) for i, fp in inputs.items())
 
 
 class _Files(Mapping[str, FitResult]):

@@ -19,8 +19,9 @@ from linear_ik.errors import LinearIkError, OutputError
 from linear_ik.exports.result_json import versions
 from linear_ik.model_fit.colours import Coloured, colour_scan, coloured_before
 from linear_ik.model_fit.fits import Fits, Row
-from linear_ik.model_fit.folder import Facts, RunFolder, fingerprint
+from linear_ik.model_fit.folder import RunFolder, fingerprint
 from linear_ik.model_fit.handed_out import HandedOut, Listener, Pieces, check_unchanged, scan_inputs
+from linear_ik.model_fit.kept_results import Facts
 from linear_ik.model_fit.options import ModelFitOptions
 from linear_ik.model_fit.ownership import SCHEMA, check_ours, note_design
 from linear_ik.model_fit.placing import check_place, scan_to_model, why_nothing
