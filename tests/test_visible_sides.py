@@ -82,7 +82,7 @@ def test_no_point_is_given_to_a_face_that_nobody_saw(seed: int, hidden: set[int]
 
 
 def test_a_last_column_of_points_before_an_edge_is_no_face_around_it() -> None:
-    """As found on columns half behind a slab: the edge was moved to that column, 4 mm off, five deviations as stated."""
+    """As found on columns half behind a slab: the edge was moved to that column, 4 mm off, five stated deviations."""
     column = Element("column", IShape(0.24, 0.24, 0.010, 0.017), 3.6, start="free")
     for seed in range(4):
         rng = np.random.default_rng(seed)
