@@ -39,6 +39,7 @@ VOXEL_M = 0.03
 MOST_JUDGED = 50_000  # points that hypotheses are judged by
 NEAR_START_M = 0.3  # how far off a person's guess may be
 # Of wrong scans, measured: both shares below 0.2.
+ALIKE = 0.985  # of the score: a plate seen from one side is told from its other by a few per cent
 LEAST_SHARE = 0.3
 LEAST_SCORE = 0.08
 SLIDES = 0.02
@@ -178,7 +179,7 @@ def align(
         out[:3, 3] += target.origin_m - T[:3, :3] @ centre
         return np.asarray(out)
 
-    same = [one for one in thin_apart[1:] if one.quality.score >= NEARLY_THE_SAME * thin_apart[0].quality.score]
+    same = [one for one in thin_apart[1:] if one.quality.score >= ALIKE * thin_apart[0].quality.score]
     if same and status == "aligned":
         apart_mm = 1000 * float(np.linalg.norm(same[0].T[:3, 3] - best[:3, 3]))
         status = "ambiguous"

@@ -102,7 +102,7 @@ def test_a_second_run_in_the_same_folder_is_refused_with_one_line(frame, fitted,
     first = RunFolder(fitted[1], [])
     first.make()
     try:
-        assert main(["fit", f"{folder}/design.ifc", f"{folder}/site.laz", "-o", f"{fitted[1]}", "--workers", "0"]) == 2
+        assert main(["fit", f"{folder}/design.ifc", f"{folder}/site.laz", "-o", f"{fitted[1]}", "--workers", "1"]) == 2
     finally:
         first.release()
     assert capsys.readouterr() == ("", f"error: {fitted[1]}: another run is at work in it (another folder, or wait)\n")
@@ -121,12 +121,12 @@ PAUSING = """
 import signal, time
 # A shell that runs the tests in the background has it ignored.
 signal.signal(signal.SIGINT, signal.default_int_handler)
-from linear_ik.model_fit.folder import RunFolder
-keep = RunFolder.keep
+from linear_ik.model_fit.kept_results import KeptResults
+keep = KeptResults.keep
 def keep_and_pause(*what):
     keep(*what)
     time.sleep(60)
-RunFolder.keep = keep_and_pause
+KeptResults.keep = keep_and_pause
 from linear_ik.cli import main
 main()
 """
@@ -173,7 +173,7 @@ def test_a_disk_that_the_clouds_fill_costs_nothing_but_them(frame, fitted, tmp_p
     for name in (*names, "deviation.ply", "deviation.laz"):
         (out / name).unlink()
     arguments = ["fit", frame[1] / "design.ifc", frame[1] / "site.laz", "-o", out, "--only", ",".join(fitted[2])]
-    arguments = [*map(str, arguments), "--segments", "6", "--workers", "0", "--quiet"]
+    arguments = [*map(str, arguments), "--segments", "6", "--workers", "1", "--quiet"]
     limits = resource.getrlimit(resource.RLIMIT_FSIZE)
 
     def on_a_full_disk(*given):

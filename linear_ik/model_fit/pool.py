@@ -15,6 +15,7 @@ from concurrent.futures.process import BrokenProcessPool
 from contextlib import contextmanager
 from multiprocessing import Pipe, get_context, resource_tracker
 from multiprocessing.connection import Connection
+from types import FrameType
 from typing import Protocol
 
 from linear_ik.errors import LinearIkError
@@ -172,15 +173,25 @@ def one_thread_each() -> Iterator[None]:
     resource_tracker.ensure_running()
     # What is blocked here is blocked there.
     mask = signal.pthread_sigmask(signal.SIG_BLOCK, {signal.SIGINT})
+    # A library's thread may get it all the same: Python then calls the handler in this one.
+    caught: list[tuple[int, FrameType | None]] = []
+    main = threading.current_thread() is threading.main_thread()
+    handler = signal.getsignal(signal.SIGINT)
+    if main:
+        signal.signal(signal.SIGINT, lambda *what: caught.append(what))
     try:
         yield
     finally:
+        if main:
+            signal.signal(signal.SIGINT, handler)
         for name, value in before.items():
             if value is None:
                 del os.environ[name]
             else:
                 os.environ[name] = value
         signal.pthread_sigmask(signal.SIG_SETMASK, mask)
+        if caught and callable(handler):
+            handler(*caught[0])
 
 
 def prepare_worker(lifeline: Connection) -> None:
