@@ -38,8 +38,8 @@ AlignStatus = Literal["aligned", "ambiguous", "not_found"]
 VOXEL_M = 0.03
 MOST_JUDGED = 50_000  # points that hypotheses are judged by
 NEAR_START_M = 0.3  # how far off a person's guess may be
-# Of wrong scans, measured: both shares below 0.2.
 ALIKE = 0.985  # of the score: a plate seen from one side is told from its other by a few per cent
+# Of wrong scans, measured: both shares below 0.2.
 LEAST_SHARE = 0.3
 LEAST_SCORE = 0.08
 SLIDES = 0.02
